@@ -13,8 +13,8 @@ from jaxtyping import UInt8
 from core.detail.progressive import render_frame
 from core.editing.size import sized
 from core.export import mesh, page, video
+from core.export.films import TURN, View, turntable
 from core.export.framing import filling_frame
-from core.export.keyframes import TURN, View, turntable
 from core.export.mesh import MeshSettings
 from core.export.video import VideoSettings
 from core.fitting import fit as fitting
@@ -159,7 +159,7 @@ def write_video(
 ) -> None:
     """Write a film of one turn around an object: .mp4, .gif, .webp or .frames, a folder of images.
 
-    :func:`core.export.video.write_video` films any views, such as those of keyframes.
+    :func:`core.export.video.write_video` films any views, such as those of :func:`core.export.films.morph`.
 
     Args:
         camera: where the turn begins; None: that of :func:`camera_of`. Its size is that of the frames.

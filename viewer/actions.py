@@ -82,16 +82,6 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Ctrl+click", "type a value"),
         Gesture("Right click", "set the middle of the direction"),
     ),
-    "Timeline": (
-        Action(
-            "add_key", "Keyframe", "K", "add the view as a keyframe, after the last one if there is one at this time"
-        ),
-        Action("remove_key", "Remove keyframe", "Delete", "remove the keyframe at this time"),
-        Action("play", "Play", "Space", "play the timeline in the view, or pause"),
-        Action("previous_key", "Previous keyframe", ",", "show the previous keyframe"),
-        Action("next_key", "Next keyframe", ".", "show the next keyframe"),
-        Gesture("Click or drag a keyframe", "show it, or move it in time"),
-    ),
     "History": (
         Gesture("Click a thumbnail", "go to that state; turning the view there keeps the later ones"),
         Gesture("Click a small thumbnail", "go to another branch: what an edit of an earlier state left behind"),
@@ -158,11 +148,6 @@ _RUN: dict[str, Callable[[PanelContext], object]] = {
     "fold_panels": lambda c: c.fold_panels(),
     "sample": lambda c: c.session.editor.sample(),
     "reset": lambda c: c.session.editor.reset(),
-    "add_key": lambda c: c.add_key(),
-    "remove_key": lambda c: c.session.player.remove_key(c.session.player.key or 0),
-    "play": lambda c: c.session.player.toggle(),
-    "previous_key": lambda c: c.session.player.step(-1),
-    "next_key": lambda c: c.session.player.step(1),
     "fit_image": lambda c: c.fit_image(),
     "paste": lambda c: c.paste(),
     "new_project": lambda c: c.session.new(),
@@ -183,8 +168,6 @@ _RUN: dict[str, Callable[[PanelContext], object]] = {
 _ENABLED: dict[str, Test] = {
     "see_photo": lambda c: c.session.photo_view is not None,
     "reset": lambda c: c.session.editor.scene.instance != c.session.editor.original,
-    "remove_key": lambda c: c.session.player.key is not None,
-    "play": lambda c: bool(c.session.editor.playable.keys),
     "copy_image": lambda c: c.session.viewport.frame is not None and c.session.viewport.baked_frame is None,
     "undo": lambda c: bool(c.session.editor.history.past),
     "redo": lambda c: bool(c.session.editor.history.future),
@@ -212,12 +195,12 @@ def run_keys(context: PanelContext, in_view: bool = False) -> None:
 def _is_allowed(action: Action, context: PanelContext) -> bool:
     """Return whether an action's keys have no other use now.
 
-    The segmentation dialog has its own keys and would hide the help. During keyboard navigation, Tab and Space
-    navigate. A popup must be closed before the mode of the view changes.
+    The segmentation dialog has its own keys and would hide the help. During keyboard navigation, Tab navigates.
+    A popup must be closed before the mode of the view changes.
     """
     if context.session.segmenting.active:
         return action.id in ("quit", "larger_text", "smaller_text")
-    if action.id in ("fold_panels", "play") and imgui.get_io().nav_visible:
+    if action.id == "fold_panels" and imgui.get_io().nav_visible:
         return False
     return action.id != "next_mode" or not imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
 
@@ -290,7 +273,5 @@ _MODIFIERS = {"Ctrl": imgui.Key.mod_ctrl, "Shift": imgui.Key.mod_shift}
 _NAMED: dict[str, list[tuple[imgui.Key, ...]]] = {
     "plus": [(imgui.Key.equal,), (imgui.Key.mod_shift, imgui.Key.equal), (imgui.Key.keypad_add,)],
     "-": [(imgui.Key.minus,), (imgui.Key.keypad_subtract,)],
-    ",": [(imgui.Key.comma,)],
-    ".": [(imgui.Key.period,)],
     "?": [(imgui.Key.mod_shift, imgui.Key.slash)],
 }

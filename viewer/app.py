@@ -37,7 +37,7 @@ _INSPECTOR = 300.0, 0.185  # least width, px at 96 ppi; fraction of the window's
 _LIBRARY = 140.0, 0.09  # likewise
 _NARROW = 1100.0  # px at 96 ppi: in a narrower window the library is a strip below the view
 _OTHER_WIDTH = 0.25  # natural logarithm of a change of width after which panels are placed again
-_STRIP, _DRAWER = 105.0, 170.0  # px at 96 ppi: heights of the strip and of the drawer
+_STRIP = 105.0  # px at 96 ppi, height of the strip
 
 
 class App:
@@ -184,7 +184,7 @@ class App:
 
     @staticmethod
     def _splits(width: float, height: float) -> list[hello_imgui.DockingSplit]:
-        """Return the layout: the library left or, in a narrow window, below; the inspector right; the drawer below.
+        """Return the layout: the library left or, in a narrow window, below; the inspector right.
 
         Args:
             width, height: size of the window, px at 96 ppi.
@@ -195,7 +195,6 @@ class App:
         return [
             hello_imgui.DockingSplit("MainDockSpace", "Right", dirs.right, right / width),
             hello_imgui.DockingSplit("MainDockSpace", "Left", *library),
-            hello_imgui.DockingSplit("MainDockSpace", "Drawer", dirs.down, min(_DRAWER / height, 0.45)),
         ]
 
     def _dockable(self, panel: Panel) -> hello_imgui.DockableWindow:

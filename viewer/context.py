@@ -84,11 +84,6 @@ class PanelContext:
         after = USUAL_MODES.index(mode) + 1 if mode in USUAL_MODES else 0
         self.session.viewport.change(mode=USUAL_MODES[after % len(USUAL_MODES)])
 
-    def add_key(self) -> None:
-        """Make the view a keyframe, and show the timeline."""
-        self.session.player.add_key()
-        self.focus = "Timeline"
-
     def see_photo(self) -> None:
         """Turn the view to the photo's camera and switch the tool that wipes the photo."""
         wiped = self.tool == "wipe" and self.session.photo_camera == self.session.editor.scene.camera
@@ -240,7 +235,7 @@ class Panel:
     """A dockable window for one subject."""
 
     title: str
-    dock: str  # View, Left (the library), Right (the inspector) or Drawer (below the view)
+    dock: str  # View, Left (the library) or Right (the inspector)
     folded = False  # hidden until it is chosen in the menu Panels, and can be closed
     bare = False  # has no tab, unless another panel is docked at the same place
 

@@ -1,4 +1,4 @@
-"""The editor of an object's codes, its camera and the timeline, with undo."""
+"""The editor of an object's codes and its camera, with undo."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,7 +7,6 @@ from itertools import takewhile
 import torch
 from torch import Tensor
 
-from core.export.keyframes import Timeline
 from core.geometry.camera import Camera
 from core.models.codes import CODE_KINDS, CodeKind
 from core.models.model import Instance, Model
@@ -220,7 +219,7 @@ class Editor:
         """Mix shape and texture, each from A (0) to B (1)."""
         self._mix(replace(self.state.mix, shape=shape, texture=texture), CODE_KINDS, gesture)
 
-    # Scene and timeline
+    # The scene
 
     def add_and_show(self, added: EditableObject, camera: Camera) -> str:
         """Add an object to the library, make it A, seen from a camera, and return its name."""
@@ -232,12 +231,6 @@ class Editor:
         """Make an object A as fitted or opened, seen from a camera; locks are ignored."""
         instance = self.objects[name].original
         self._edit(Scene(instance, camera), self._mix_from(Pair(name, name)), is_a=True)
-
-    def show(self, instance: Instance, camera: Camera, gesture: str = "") -> None:
-        """Show an object from a camera, such as those at a time of the timeline; locks are ignored."""
-        instance = self.models.adopt(instance)
-        is_a = self.state.is_a and instance == self.scene.instance
-        self._edit(Scene(instance, camera), self._mix_of(instance.model), gesture, is_a)
 
     def join(self, scene: Scene) -> None:
         """Change the scene as part of the last edit."""
@@ -268,10 +261,6 @@ class Editor:
         self.history = self.history.renamed({name: new})
         return new
 
-    def set_timeline(self, timeline: Timeline, gesture: str = "") -> None:
-        """Change the timeline; the view stays."""
-        self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
-
     def restore(self, saved: Project) -> None:
         """Add a project's objects and take its undo history in place of this one.
 
@@ -289,13 +278,6 @@ class Editor:
     def is_missing(self, name: str) -> bool:
         """Return whether an object cannot be shown because its model is missing."""
         return is_missing(name, self.objects)
-
-    @property
-    def playable(self) -> Timeline:
-        """The timeline without keyframes whose model is missing."""
-        timeline = self.state.timeline
-        keys = tuple(key for key in timeline.keys if not key.view.instance.is_missing)
-        return timeline if len(keys) == len(timeline.keys) else replace(timeline, keys=keys)
 
     def add_model(self, model: Model) -> None:
         """Add the objects of a newly opened model; objects and states that waited for it can be shown."""

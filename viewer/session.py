@@ -23,7 +23,6 @@ from viewer.activities.fitting import Fitting
 from viewer.activities.kept_objects import KeptObjects
 from viewer.activities.names import Names
 from viewer.activities.painting import Painting
-from viewer.activities.player import Player
 from viewer.activities.reshaping import Reshaping
 from viewer.activities.segmenting import Segmenting
 from viewer.activities.sizing import Sizing
@@ -100,7 +99,6 @@ class Session:
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, self._pictures)
         self.names = Names(self.editor, self.thumbnails, self.words)
-        self.player = Player(jobs, self.editor)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options, self._photo_copies)
         self.segmenting = Segmenting(jobs, self.fitting.fit)
         self.painting = Painting(jobs, self.editor, self.viewport)
@@ -117,7 +115,6 @@ class Session:
         self.jobs.worker.deliver()
         self._add_models()
         self.viewport.tick()
-        self.player.tick()
         self.thumbnails.tick()
         self.fitting.tick()
         self.painting.tick()
@@ -125,7 +122,7 @@ class Session:
 
     def close(self) -> None:
         """Cancel all jobs of the activities."""
-        for activity in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting, self.painting):
+        for activity in (self.viewport, self.thumbnails, self.fitting, self.segmenting, self.painting):
             activity.close()
         self.jobs.cancel("parts", "size")
         self.exporting.cancel()
@@ -234,12 +231,6 @@ class Session:
     def is_rendered(self) -> bool:
         """True while the view is sharp and no tile is rendered."""
         return self.viewport.sharp and not self.jobs.busy("view", "thumbnails")
-
-    @property
-    def listed_models(self) -> tuple[Model, ...]:
-        """The models whose objects are listed: all, but formerly shipped ones only while on screen."""
-        current = self.editor.model
-        return tuple(model for model in self.models if model is current or not self.models.is_former(model))
 
     @property
     def samples(self) -> tuple[Path, ...]:

@@ -20,6 +20,11 @@ def input_file(text: str) -> Path:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
+def object_or_scene(text: str) -> int | Path:
+    """Parse the number of a training object, or the path of a scene."""
+    return int(text) if text.isdecimal() else input_file(text)
+
+
 def model_name(text: str) -> str:
     """Parse the name or the path of a model."""
     return str(input_file(text))

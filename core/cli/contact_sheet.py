@@ -7,8 +7,8 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw
 
+from core.export.films import View
 from core.export.framing import filling_frame
-from core.export.keyframes import View
 from core.geometry.pixels import to_bytes
 from core.models.scene import Scene
 from core.photos.decode import on_white

@@ -15,6 +15,7 @@ from core.cli.argument_types import (
     input_file,
     model_name,
     number_from,
+    object_or_scene,
     paints,
     point,
     portion_cm,
@@ -132,7 +133,8 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
     _add_scene_options(command)
     films = command.add_mutually_exclusive_group()
     films.add_argument("--swing", action="store_true", help="70 degrees to both sides instead of all round")
-    films.add_argument("--morph-to", type=int, metavar="J", help="morph into this object and back (takes a minute)")
+    partner = "morph into the object of a scene, or this one of the model, and back (takes a minute)"
+    films.add_argument("--to", type=object_or_scene, metavar="S.json|J", help=partner)
     frames = "number of frames (default: 72, of a swing 96)"
     command.add_argument("--frames", type=whole_from(1, 100_000), metavar="N", help=frames)
     command.add_argument("--fps", type=whole_from(1, 100), default=24, metavar="N", help="frames per second")

@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain, pairwise
+from pathlib import Path
 
 from tqdm import tqdm
 
@@ -14,12 +15,12 @@ from core.detail.progressive import render_frame, render_reference
 from core.editing.paint import Paint, paint
 from core.editing.size import SIDES, size_of, sized
 from core.editing.words import direction_words, most, moved
-from core.export import keyframes
+from core.export import films
+from core.export.films import View
 from core.export.framing import filling_frame
-from core.export.keyframes import View
 from core.export.video import FORMATS, WHITE, VideoSettings, shown_views, write_video
 from core.geometry.pixels import to_bytes
-from core.models.library import former_model, load_model, shipped_models
+from core.models.library import load_model, shipped_models
 from core.models.model import Instance
 from core.models.scene import Scene, open_scene, save_image, scene_model
 from core.runtime.files import require_writable
@@ -41,22 +42,27 @@ def render(chosen: argparse.Namespace) -> None:
 
 
 def turntable(chosen: argparse.Namespace) -> None:
-    """Run ``turntable``: write a video of a turn or a swing; with ``--morph-to``, into another object and back."""
+    """Run ``turntable``: write a video of a turn, a swing, or a morph into another object and back."""
     instance, camera = _load_view(chosen, from_photo=True)
     camera = camera.resized(*chosen.size)
     background = None if chosen.transparent else WHITE
     settings = VideoSettings(chosen.fps, chosen.quality, background, chosen.exact, chosen.shadow)
-    if chosen.morph_to is not None:
-        shots = keyframes.morph(instance, instance.model[chosen.morph_to], camera, chosen.frames or keyframes.TURN)
+    if chosen.to is not None:
+        shots = films.morph(instance, _partner(chosen.to, instance), camera, chosen.frames or films.TURN)
     elif chosen.swing:
-        shots = keyframes.swing(instance, camera, chosen.frames or keyframes.SWING)
+        shots = films.swing(instance, camera, chosen.frames or films.SWING)
     else:
-        shots = keyframes.turntable(instance, camera, chosen.frames or keyframes.TURN)
+        shots = films.turntable(instance, camera, chosen.frames or films.TURN)
     if chosen.distance is None:
         shots = filling_frame(shots)
     written = write_video(shots, chosen.out, settings)
     counts = (count for before, count in pairwise(chain((0,), written)) if count > before)
     run_with_progress(counts, _shown_frames(shots, chosen), "frame")
+
+
+def _partner(to: int | Path, instance: Instance) -> Instance:
+    """Return the object that another one morphs into: a training object by its number, or that of a scene."""
+    return instance.model[to] if isinstance(to, int) else open_scene(to, instance.model).instance
 
 
 def _shown_frames(shots: Sequence[View], chosen: argparse.Namespace) -> int:
@@ -123,12 +129,12 @@ def _load_selection(chosen: argparse.Namespace) -> View:
 
 
 def _model_name(chosen: argparse.Namespace) -> str:
-    """Return the model's name: the chosen one unless another shipped or former model made the chosen scene."""
+    """Return the model's name: the chosen one unless another shipped one made the chosen scene."""
     fingerprint = scene_model(chosen.scene) if chosen.scene else None
     if fingerprint is None or load_model(chosen.model).shares_codes_with(fingerprint):
         return chosen.model
-    names = [name for name in shipped_models() if load_model(name).shares_codes_with(fingerprint)]
-    return names[0] if names else former_model(fingerprint) or chosen.model
+    names = (name for name in shipped_models() if load_model(name).shares_codes_with(fingerprint))
+    return next(names, chosen.model)
 
 
 def _edited(chosen: argparse.Namespace, instance: Instance) -> Instance:

@@ -1,1 +1,1 @@
-"""Meshes, keyframes and videos."""
+"""Meshes, pages, films and their files."""

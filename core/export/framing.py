@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.export.keyframes import View
+from core.export.films import View
 from core.geometry.camera import Camera
 from core.models.model import Instance, Model
 from core.rendering.folded_field import FoldedField
@@ -26,19 +26,15 @@ _NEAREST = 0.05  # scene units in front of the camera; closer points, or points 
 
 
 @isolated
-def filling_frame(views: Sequence[View], zoom_out: bool = True) -> list[View]:
+def filling_frame(views: Sequence[View]) -> list[View]:
     """Return the views with one common zoom at which the object just stays inside every frame.
 
     The zoom changes the focal length only, so the perspective stays.
-
-    Args:
-        zoom_out: False allows only enlarging, so that views which deliberately show a part still do.
     """
     step = max(1, math.ceil((len(views) - 1) / (_SHAPES - 1)))
     instances = {view.instance for view in [*views[::step], *views[-1:]]}
     points = torch.cat([_outline(instance) for instance in instances])
     zoom = min(_largest_zoom(view.camera, points) for view in [*views[:: -(-len(views) // _CAMERAS)], *views[-1:]])
-    zoom = zoom if zoom_out else max(1.0, zoom)
     return [view._replace(camera=replace(view.camera, focal=zoom * view.camera.focal)) for view in views]
 
 

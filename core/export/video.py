@@ -15,7 +15,7 @@ from jaxtyping import UInt8
 from PIL import Image, ImageChops
 from PIL.GifImagePlugin import getdata
 
-from core.export.keyframes import View
+from core.export.films import View
 from core.export.video_frames import render_frames
 from core.gl.background import Background, Rgb
 from core.runtime.files import atomic_file, atomic_folder

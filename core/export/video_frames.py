@@ -13,7 +13,7 @@ from jaxtyping import UInt8
 
 from core.detail.maps import detail_maps
 from core.detail.progressive import Frame, RenderJob, RenderSettings, render_progressively
-from core.export.keyframes import View
+from core.export.films import View
 from core.geometry.camera import Camera
 from core.gl.background import Background, background_rows
 from core.gl.baked_field import BakedField

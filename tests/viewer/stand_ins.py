@@ -14,7 +14,7 @@ from core.detail.progressive import Frame, RenderJob, RenderSettings
 from core.editing.paint import Paint
 from core.editing.parts import Box, Handle, PartMap
 from core.edits.paint import PartPaint, Rgb
-from core.export.keyframes import View
+from core.export.films import View
 from core.export.video import VideoSettings, write_video
 from core.export.video_frames import over
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp

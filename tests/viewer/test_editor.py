@@ -7,9 +7,7 @@ import pytest
 import torch
 
 from core.edits.stretch import Stretch
-from core.export.keyframes import Keyframe, Timeline, View
 from core.models.codes import CodeBook
-from core.models.missing import MissingInstance
 from core.models.model import Model
 from core.models.photo_detail import PhotoDetail, PhotoView
 from tests.conftest import open_models, random_model
@@ -35,8 +33,6 @@ def test_every_edit_can_be_undone_and_redone(session: Session, editor: Editor, t
         lambda: editor.sample(),
         lambda: editor.reset(),
         lambda: session.viewport.reset_view(),
-        lambda: session.player.add_key(),
-        lambda: session.player.stretch(7.0),
         lambda: session.open_scene(tmp_path / "saved.json"),
     )
     states = [editor.state]
@@ -349,7 +345,7 @@ def test_objects_of_two_models_are_edited_in_one_history(both: Editor, model: Mo
 
 def test_objects_of_two_models_are_not_mixed_and_bring_mixes_of_their_own(both: Editor) -> None:
     _, cars = both.models
-    both.show(cars[3], both.scene.camera)
+    both.show_object("object 4 (2)")
     assert all(both.objects[name].instance.model is cars for name in both.state.mix.names)
     both.mix_both(0.0, 0.5)
     assert both.model is cars
@@ -357,17 +353,3 @@ def test_objects_of_two_models_are_not_mixed_and_bring_mixes_of_their_own(both: 
     assert both.is_mixable("object 2") and not both.is_mixable("object 2 (2)")
     with pytest.raises(ValueError, match="different models"):
         both.take("texture", "object 2 (2)")
-
-
-def test_keyframes_of_a_missing_model_wait_for_it(model: Model) -> None:
-    stools = replace(random_model(9), category="stools")
-    editor = Editor(open_models(model), model, torch.Generator())
-    waiting = View(MissingInstance(stools.fingerprint, stools.codes[2]), editor.scene.camera)
-    here = View(model[1], editor.scene.camera)
-    editor.set_timeline(Timeline((Keyframe(0.0, here), Keyframe(1.0, waiting))))
-    editor.sample()
-    assert [key.view for key in editor.playable.keys] == [here]
-    editor.models.add("stools", stools)
-    editor.add_model(stools)
-    assert [key.view.instance for key in editor.playable.keys] == [model[1], stools[2]]
-    assert editor.state.timeline is editor.history.past[-1].timeline  # states share it

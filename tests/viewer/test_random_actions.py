@@ -144,8 +144,6 @@ class Person:
             self.press_message: 2,
             self.sample: 1,
             self.lock: 1,
-            self.keyframe: 2,
-            self.play: 1,
             self.export: 1,
             self.drop: 3,
             self.import_look: 1,
@@ -258,12 +256,6 @@ class Person:
     def lock(self) -> None:
         self.window.show("Sliders")
         self._click(f"Sliders/###lock {self.random.choice(('shape', 'texture'))}")
-
-    def keyframe(self) -> None:
-        self.window.press(imgui.Key.k)
-
-    def play(self) -> None:
-        self.session.player.toggle()
 
     def export(self) -> None:
         if not self.session.exporting.running:

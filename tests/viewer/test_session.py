@@ -116,10 +116,7 @@ def test_photos_are_fitted_with_the_models_of_their_categories_in_turn(worker: W
     assert session.fitting.shown.model == cars.fingerprint
     editor.mix_both(0.0, 0.5)
     assert editor.model is cars and editor.state.mix.b.startswith("car")
-    session.player.add_key()
     editor.show_object("block")
-    session.player.add_key()
-    assert len(editor.state.timeline.keys) == 2
     assert [message.text for message in session.messages.all if "model" in message.text] == []
     for _ in range(len(editor.history.past)):
         editor.undo()

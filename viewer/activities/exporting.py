@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from core.export.keyframes import View
+from core.export.films import View
 from core.models.scene import Scene, save_image
 from viewer.activities.film_previews import FilmPreviews
 from viewer.activities.names import Names
@@ -46,8 +46,8 @@ class Exporting:
     def share(self, path: Path, settings: ShareSettings) -> None:
         """Begin to write a page, film, image or mesh, in the format of the path's ending.
 
-        Nothing happens while another file is written, or for a video without keyframes. A name without an
-        ending is a folder of frames; a PNG also holds the scene.
+        Nothing happens while another file is written. A name without an ending is a folder of frames; a PNG also holds
+        the scene.
         """
         if settings.kind == "mesh":
             self._begin("mesh", path, lambda scene: self._mesh(scene, path, settings))
@@ -56,9 +56,9 @@ class Exporting:
             self._begin("page", path, lambda scene: self._page(scene, path, settings, title))
         elif settings.kind == "picture":
             self._begin("picture", path, lambda scene: self._picture(scene, path, settings))
-        elif settings.kind in FILMS and (settings.kind != "video" or self._editor.playable.keys):
-            inputs = self._editor.playable, self._editor.film_partner
-            self._begin(settings.kind, path, lambda scene: self._film(settings.views(scene, *inputs), path, settings))
+        elif settings.kind in FILMS:
+            partner = self._editor.film_partner
+            self._begin(settings.kind, path, lambda scene: self._film(settings.views(scene, partner), path, settings))
 
     def cancel(self) -> None:
         """Cancel the export; no partial file stays."""
@@ -76,12 +76,12 @@ class Exporting:
             yield done / len(views)
 
     def _page(self, scene: Scene, path: Path, settings: ShareSettings, title: str) -> Iterator[float]:
-        (instance, camera), *_ = settings.views(scene, self._editor.state.timeline)
+        (instance, camera), *_ = settings.views(scene)
         for _ in self._jobs.backend.page(instance, camera, path, title):
             yield 0.0
 
     def _picture(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
-        view = settings.views(scene, self._editor.playable)[0]
+        view = settings.views(scene)[0]
         for image in self._jobs.backend.pictures([view], settings.behind, shadow=settings.shows_shadow):
             if image is not None:
                 save_image(image, path, scene)

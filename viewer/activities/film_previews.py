@@ -30,20 +30,18 @@ class FilmPreviews:
     def update(self, settings: ShareSettings) -> None:
         """Update the previews; call once a frame while they are visible."""
         scene = self._editor.scene
-        timeline = self._editor.playable
         partner = self._editor.film_partner
-        inputs = scene, timeline, partner, settings.wide
+        inputs = scene, partner, settings.wide
         if inputs == self._inputs or self._editor.history.gesture:
             return
         self._inputs = inputs
         self._frames.clear()
         height = round(_WIDTH / WIDE) if settings.wide else _WIDTH
-        kinds = [kind for kind in films_of(scene, partner) if kind != "video" or timeline.keys]
-        films = [replace(settings, kind=kind, size=height) for kind in kinds]
+        films = [replace(settings, kind=kind, size=height) for kind in films_of(scene, partner)]
 
         def stream() -> Iterator[tuple[str, Frame, float] | None]:
             for film in films:
-                views = film.views(scene, timeline, partner)
+                views = film.views(scene, partner)
                 yield None
                 for index in range(_FRAMES):
                     view = views[index * len(views) // _FRAMES]

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from core.export.keyframes import View
+from core.export.films import View
 from core.fitting.fit import FitStep, RunnerUp
 from core.geometry.camera import Camera
 from core.models.model import Model

@@ -25,19 +25,18 @@ class SharePreview:
         self._inputs: tuple[object, ...] = ()  # of the current or next image
 
     def update(self, settings: ShareSettings) -> None:
-        """Update the preview; call once a frame while it is visible. A video without keyframes has none."""
+        """Update the preview; call once a frame while it is visible."""
         scene = self._editor.scene
-        timeline = self._editor.playable
         partner = self._editor.film_partner
         looks = settings.kind, settings.wide, settings.size, settings.shows_shadow
-        inputs = scene, timeline, partner, *looks
-        if inputs == self._inputs or self._editor.history.gesture or (settings.kind == "video" and not timeline.keys):
+        inputs = scene, partner, *looks
+        if inputs == self._inputs or self._editor.history.gesture:
             return
         self._inputs = inputs
         self.seconds = None
 
         def stream() -> Iterator[tuple[Image, float | None] | None]:
-            views = settings.views(scene, timeline, partner)
+            views = settings.views(scene, partner)
             work = {"page": FEW_PIXELS, "mesh": 0}.get(settings.kind, rendered_pixels(views))
             camera = views[0].camera.resized(_SIZE, round(_SIZE / WIDE) if settings.wide else _SIZE)
             few = RenderSettings(FEW_SAMPLES, divisors=(1,))

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from core.detail.progressive import Frame, RenderJob, RenderSettings
-from core.export.keyframes import View
+from core.export.films import View
 from core.geometry.camera import Camera
 from core.gl.baked_field import BakedField
 from core.models.model import Instance

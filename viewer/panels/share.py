@@ -37,13 +37,12 @@ _ABOUT = {
     "swing": "From the photo's view to both sides and back: the sides that the photo knows",
     "turntable": "The object turning once round",
     "morph": "The object turning once round, while it becomes B and itself again; takes longer",
-    "video": "The timeline as a video",
     "picture": "The object as an image. A png holds shape, texture and camera: drop it here to bring them back",
     "mesh": "The object as a coloured surface, for Blender, the web or a game",
 }
 _PREVIEW = {"page": "What is seen first", "picture": "As it is saved", "mesh": "The object that is saved"}
 _TOGGLES = {kind: (f"{icon}  {KINDS[kind]}###{kind}", _ABOUT[kind]) for kind, icon in _ICONS.items()}
-_FILM = f"{icons_fontawesome_4.ICON_FA_FILM}  Film###film", "The object from many sides, or the timeline, as a video"
+_FILM = f"{icons_fontawesome_4.ICON_FA_FILM}  Film###film", "The object from many sides, as a video"
 _ON_A_PAGE = ("One file for any browser.", "Drag turns it, on phones too.", "Under 2 MB, works offline.")
 _SIZES = {
     size: (f"{name}###{name.lower()}", f"{size} px")
@@ -119,8 +118,6 @@ class ShareDialog:
 
     def _draw_preview(self, context: PanelContext, settings: ShareSettings, side: float) -> None:
         image = context.session.exporting.preview.image
-        if settings.kind == "video" and not context.session.editor.playable.keys:
-            image = None
         if image is None or context.images is None:
             imgui.dummy((side, side / WIDE if settings.wide else side))
             return
@@ -300,8 +297,7 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
     """Draw the button that saves, or progress; below, the path of the last saved file."""
     exporting = context.session.exporting
     if not draw_progress(context, *KINDS):
-        ready = settings.kind != "video" or bool(context.session.editor.playable.keys)
-        idle = ready and not exporting.running
+        idle = not exporting.running
         accent = context.palette.accent
         word = KINDS[settings.kind].lower()
         name = f"{context.file_name}-{settings.kind}{settings.suffix}"
@@ -312,12 +308,10 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
         flow("Save as…")
         if button("Save as…###save", "Choose name and folder, which is where the next file is saved, too", 0, idle):
             context.files.ask(FileRequest(f"Save the {settings.kind} as", save, (settings.suffix,), True, name))
-        if ready and (seconds := exporting.preview.seconds) is not None:
+        if (seconds := exporting.preview.seconds) is not None:
             imgui.same_line()
             imgui.align_text_to_frame_padding()
             imgui.text_disabled(f"Takes about {duration(seconds)}")
-        if not ready:
-            imgui.text_disabled("Add keyframes in Timeline first")
     if (saved := exporting.saved) is not None:
         imgui.align_text_to_frame_padding()
         imgui.text(printable(f"Saved to {saved.parent.name}/{saved.name}"))

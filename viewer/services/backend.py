@@ -10,8 +10,8 @@ from core.editing.paint import CoarsePaint, Paint, coarse_paint, paint, paint_co
 from core.editing.parts import Box, PartMap, part_map
 from core.editing.words import Words, direction_words
 from core.edits.paint import Rgb
+from core.export.films import View
 from core.export.framing import filling_distance
-from core.export.keyframes import View
 from core.export.mesh import export_mesh
 from core.export.page import write_page
 from core.export.video import VideoSettings, write_video

@@ -15,7 +15,6 @@ from torch import Tensor
 
 from core.edits.edit import Edit
 from core.edits.kinds import edits_json, read_edits
-from core.export.keyframes import Timeline, View
 from core.fitting.fit import FitStep, Hypothesis
 from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
@@ -41,8 +40,8 @@ class Original(NamedTuple):
     content: bytes
 
 
-_SHARED = Timeline, PhotoView, Erasure  # types of values shared by many undo states
-_OF_AN_INSTANCE = Scene, View, EditableObject, FitStep, Hypothesis
+_SHARED = PhotoView, Erasure  # types of values shared by many undo states
+_OF_AN_INSTANCE = Scene, EditableObject, FitStep, Hypothesis
 """Types with a field ``instance``, which files call ``codes``: codes with the fingerprint of their model."""
 _SEPARATE = EditableObject, FitRequest, Original  # types of items of which an unreadable one leaves the others
 _MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000  # bytes of RGBA pixels: of one photo, and of all photos
@@ -55,7 +54,7 @@ class BlobStore:
     tensors: list[Tensor] = field(default_factory=list)
     photos: list[bytes] = field(default_factory=list)  # PNG with the mask as opacity; WebP of photo detail; originals
     timelines: list[Any] = field(default_factory=list)
-    """Timelines, views and erasures of photos: JSON, replaced by values when decoded."""
+    """Views and erasures of photos: JSON, replaced by values when decoded."""
     models: OpenModels | None = None  # models of decoded codes; None for encoding
     model: str = ""  # fingerprint for codes without one
     left: int = _MAX_PHOTOS  # bytes left for the pixels of photos not yet decoded

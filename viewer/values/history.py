@@ -8,7 +8,6 @@ from functools import cached_property
 from itertools import groupby
 from typing import NamedTuple
 
-from core.export.keyframes import Timeline
 from core.models.codes import CODE_KINDS
 from core.models.model import Instance
 from core.models.scene import Scene
@@ -59,14 +58,13 @@ class State:
 
     scene: Scene
     mix: Mix
-    timeline: Timeline = field(default_factory=Timeline)
     removed: frozenset[str] = frozenset()  # names of unlisted added objects
     is_a: bool | None = False
-    """The codes are those of object A, perhaps edited: not sampled, nor from the timeline. None: not known yet."""
+    """The codes are those of object A, perhaps edited: not sampled. None: not known yet."""
 
     @property
     def version_of(self) -> str:
-        """Name of the object of which the codes are a version; "" for mixes, samples and frames of the timeline."""
+        """Name of the object of which the codes are a version; "" for mixes and samples."""
         return "" if self.mix.shape or self.mix.texture else self._a
 
     @property
@@ -76,7 +74,7 @@ class State:
 
     @property
     def _a(self) -> str:
-        """Name of object A; "" if its shape and texture have two names, and for samples and frames of the timeline."""
+        """Name of object A; "" if its shape and texture have two names, and for samples."""
         shape, texture = self.mix.a
         return shape if self.is_a and shape == texture else ""
 
@@ -102,19 +100,16 @@ class State:
         if self.is_edit_of(before):
             now, then = (state.scene.instance.codes.edits_of("size") for state in (self, before))
             return "photo detail" if now == then else "size"
-        if self.removed != before.removed:
-            return "removed objects"
-        return f"{label(self.mix.b)} as B" if self.mix.b != before.mix.b else "keyframes"
+        return "removed objects" if self.removed != before.removed else f"{label(self.mix.b)} as B"
 
     def is_edit_of(self, before: State) -> bool:
         """Return whether the codes differ from an earlier state's."""
         return self.scene.instance is not before.scene.instance and self.scene.instance != before.scene.instance
 
     def carrying(self, before: State, after: State) -> State:
-        """Return the state after a change of timeline and removed objects from ``before`` to ``after``."""
+        """Return the state after a change of removed objects from ``before`` to ``after``."""
         removed = (self.removed | (after.removed - before.removed)) - (before.removed - after.removed)
-        timeline = after.timeline if self.timeline == before.timeline else self.timeline
-        return replace(self, timeline=timeline, removed=removed)
+        return replace(self, removed=removed)
 
     def is_move_of(self, before: State) -> bool:
         """Return whether only the camera differs from an earlier state, if anything does."""
@@ -129,7 +124,7 @@ class Step(NamedTuple):
 
 
 class Edit(NamedTuple):
-    """An edit of the codes, with the changes of camera, B, timeline or removed objects that follow it."""
+    """An edit of the codes, with the changes of camera, B or removed objects that follow it."""
 
     steps: tuple[int, ...]  # indices of its steps, in order
     words: str  # description
@@ -153,9 +148,9 @@ class Branch(NamedTuple):
 class History:
     """A tree of states. Undo goes to the step before, redo towards ``tip``. Every change makes a new history.
 
-    An edit of the codes from an earlier state begins a branch: later states stay. Other changes (camera, B, timeline,
-    removed objects) are inserted after the current step, and redo goes on from there; later states take over the last
-    two, unless they have another timeline.
+    An edit of the codes from an earlier state begins a branch: later states stay. Other changes (camera, B,
+    removed objects) are inserted after the current step, and redo goes on from there; later states take over removed
+    objects.
     """
 
     steps: tuple[Step, ...]  # in the order in which they were made
@@ -332,8 +327,8 @@ class History:
         return replace(self, steps=tuple(steps))
 
     def _carried(self, numbers: Iterable[int], before: State, after: State) -> History:
-        """Return the history with a change of timeline and removed objects in some steps."""
-        if after.timeline is before.timeline and after.removed == before.removed:
+        """Return the history with a change of removed objects in some steps."""
+        if after.removed == before.removed:
             return self
         steps = list(self.steps)
         for number in numbers:

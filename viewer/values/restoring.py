@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from itertools import chain
 
-from core.export.keyframes import Timeline
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from viewer.values.history import History, Mix, Pair, State
@@ -60,14 +59,10 @@ def restored(project: Project, now: State, objects: ObjectLibrary, models: OpenM
 
 def reopened(history: History, model: Model, objects: ObjectLibrary, models: OpenModels) -> History:
     """Return a history whose states that waited for a newly opened model can be shown."""
-    timelines = dict[int, Timeline]()  # by the id of the one before: states share them
 
     def with_names_here(state: State) -> State:
         waited = model.shares_codes_with(state.scene.instance.fingerprint)
-        if id(state.timeline) not in timelines:
-            timelines[id(state.timeline)] = state.timeline.converted(models.adopt)
-        adopted = replace(state, timeline=timelines[id(state.timeline)])
-        return _with_names_here(adopted, {}, objects, models) if waited else adopted
+        return _with_names_here(state, {}, objects, models) if waited else state
 
     return history.everywhere(with_names_here)
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 from core.export import video
+from core.export.films import View, morph, swing, turntable
 from core.export.framing import filling_frame
-from core.export.keyframes import Timeline, View, morph, swing, turntable
 from core.export.mesh import MAX_RESOLUTION, MeshSettings
 from core.export.mesh_formats import FORMATS, TEXTURED
 from core.export.page import SUFFIX, first_camera
@@ -13,7 +13,7 @@ from core.gl.background import Background, Gradient, Rgb
 from core.models.model import Instance
 from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
 
-FILMS = {"swing": "Swing", "turntable": "Turn", "morph": "With B", "video": "Timeline"}  # labels of the films
+FILMS = {"swing": "Swing", "turntable": "Turn", "morph": "Morph"}  # labels of the films
 KINDS = {"page": "Page", **dict.fromkeys(FILMS, "Film"), "picture": "Picture", "mesh": "Object"}  # labels
 WIDE = 16 / 9  # width of a wide image over its height
 RATE = 24  # frames per second of every video
@@ -26,7 +26,7 @@ class ShareSettings:
     """Settings of a shared file. Raises ``ValueError`` for an unknown choice."""
 
     kind: str = "swing"  # one of :data:`KINDS`
-    video: str = ".mp4"  # ending of a video's or turntable's name
+    video: str = ".mp4"  # ending of a film's name
     picture: str = ".png"  # ending of an image's name
     mesh: str = ".glb"  # ending of a mesh's name
     size: int = 512  # px, height
@@ -108,11 +108,10 @@ class ShareSettings:
         films = films_of(scene, partner)
         return self if self.kind not in FILMS or self.kind in films else replace(self, kind=films[0])
 
-    def views(self, scene: Scene, timeline: Timeline, partner: Instance | None = None) -> list[View]:
-        """Return the views to render, in order. Pages and films, but for the timeline, start at the photo's camera.
+    def views(self, scene: Scene, partner: Instance | None = None) -> list[View]:
+        """Return the views to render, in order. Pages and films start at the photo's camera.
 
-        A video's cameras share one zoom in, and a turntable's start no nearer than the training distance. A page has
-        its first view alone.
+        A film's cameras share one zoom and start no nearer than the training distance. A page has its first view alone.
 
         Args:
             partner: the object that ``morph`` leads to and back from.
@@ -120,10 +119,9 @@ class ShareSettings:
         if self.kind == "page":
             first = first_camera(scene.instance, scene.photo_camera)
             return [View(scene.instance, first.resized(self.size, self.size))]
-        shots = timeline.views(RATE) if self.kind == "video" else self._shots(scene, partner)
         width = round(self.size * WIDE / 2) * 2 if self.wide else self.size
-        shots = [shot._replace(camera=shot.camera.resized(width, self.size)) for shot in shots]
-        return filling_frame(shots, zoom_out=self.kind != "video")
+        shots = self._shots(scene, partner)
+        return filling_frame([shot._replace(camera=shot.camera.resized(width, self.size)) for shot in shots])
 
     def _shots(self, scene: Scene, partner: Instance | None) -> list[View]:
         """Return the views of an image or of a film around the object, at the size of its camera."""
@@ -137,6 +135,6 @@ class ShareSettings:
 
 
 def films_of(scene: Scene, partner: Instance | None) -> tuple[str, ...]:
-    """Return the films that an object can have, the usual one first: a swing needs a photo, a turn with B a B."""
+    """Return the films that an object can have, the usual one first: a swing needs a photo, a morph a B."""
     missing = ("swing",) * (scene.instance.detail is None) + ("morph",) * (partner is None)
     return tuple(kind for kind in FILMS if kind not in missing)

@@ -93,14 +93,18 @@ def test_render_draws_objects_scenes_and_the_mean_fast_or_exactly(file: str, mod
 
 
 def test_a_turntable_becomes_another_object_and_turns_back(file: str):
-    options = "--morph-to 1 --frames 4 --fps 24 --transparent --exact"
-    run(f"turntable --model {file} --object 0 --distance 2 --size 24 {options} --out t.frames")
+    model = load_model(file)
+    Scene(model[1], model.camera(2.0, 0.6)).save(Path("there.json"))
+    options = "--object 0 --distance 2 --size 24 --frames 4 --fps 24 --transparent --exact"
+    for to, out in (("1", "t"), ("there.json", "s")):
+        run(f"turntable --model {file} {options} --to {to} --out {out}.frames")
     run(f"render --model {file} --object 1 --azimuth 240 --distance 2 --size 24 --out there.png")
     assert len(list(Path("t.frames").iterdir())) == 4
     with Image.open("t.frames/00002.png") as halfway:
         white = Image.new("RGBA", halfway.size, "white")
         white.alpha_composite(halfway)
     assert np.abs(np.asarray(white.convert("RGB")).astype(int) - pixels("there.png")).max() <= 3
+    assert Path("s.frames/00002.png").read_bytes() == Path("t.frames/00002.png").read_bytes()
 
 
 def test_a_swing_starts_at_the_photos_camera_not_at_the_last_view(file: str, capsys: pytest.CaptureFixture[str]):
@@ -115,7 +119,7 @@ def test_a_swing_starts_at_the_photos_camera_not_at_the_last_view(file: str, cap
         run(f"render {options} --azimuth {azimuth} --elevation {math.degrees(0.1)} --out a.png")
         assert np.abs(pixels(f"t.frames/{number:05}.png").astype(int) - pixels("a.png")).max() <= 3
     with pytest.raises(SystemExit):
-        run(f"turntable {options} --swing --morph-to 1 --out t.gif")
+        run(f"turntable {options} --swing --to 1 --out t.gif")
     assert "not allowed with" in capsys.readouterr().err
 
 

@@ -10,7 +10,6 @@ import torch
 from core.edits import kinds
 from core.edits.paint import PartPaint
 from core.edits.stretch import Stretch
-from core.export.keyframes import Keyframe, Timeline, View
 from core.models.codes import Codes
 from core.models.model import Instance, Model
 from core.models.part_head import PartHead
@@ -81,14 +80,6 @@ def test_a_mix_passes_from_paint_to_paint() -> None:
     faint = PartPaint.mixed((RED,), (replace(BLUE, share=0.5),), 0.999)
     assert faint[0].share < 0.01 and faint[1].share == pytest.approx(0.5, abs=1e-3)
     assert len(PartPaint.mixed((RED,) * PartPaint.most, (BLUE,) * PartPaint.most, 0.5)) == PartPaint.most
-
-
-def test_a_film_shows_paints_between_keys(chair: Instance) -> None:
-    camera = chair.model.camera(0.0, 0.0)
-    keys = Keyframe(0.0, View(chair, camera)), Keyframe(1.0, View(chair.with_edits(PartPaint, RED), camera))
-    film = Timeline(keys, 2.0, loop=False)
-    shown = [film.at(seconds).instance.codes.edits for seconds in (0.0, 0.25, 1.0)]
-    assert shown == [(), (replace(RED, share=0.25),), (RED,)]
 
 
 def test_a_scene_file_holds_paints_and_one_without_them_opens(chair: Instance) -> None:

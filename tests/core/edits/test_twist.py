@@ -15,7 +15,6 @@ from core.editing.size import size_of, sized
 from core.edits.bend import Bend
 from core.edits.edit import Edit
 from core.edits.kinds import KINDS
-from core.export.keyframes import Keyframe, Timeline, View
 from core.export.mesh import extract_mesh
 from core.gl.baking import bake
 from core.gl.offscreen import OffscreenRenderer
@@ -126,9 +125,6 @@ def test_scenes_hold_it(twisted: Instance) -> None:
 def test_it_is_mixed_and_goes_with_the_shape(tiny: Model, twisted: Instance) -> None:
     assert twisted.mixed(tiny[1], 0.5, 0.0).codes.edits == (Twist(0.75),)
     assert tiny[1].with_shape(twisted).codes.edits == (Twist(1.5),) and tiny[1].with_texture(twisted) != twisted
-    camera = tiny.camera(0.0, 0.0)
-    film = Timeline((Keyframe(0.0, View(tiny[0], camera)), Keyframe(1.0, View(twisted, camera))), 2.0, loop=False)
-    assert film.at(0.5).instance.codes.edits == (Twist(0.75),)
 
 
 def test_it_is_sized_as_it_is(twisted: Instance) -> None:

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from core.detail.progressive import render_frame
+from core.export.films import View, turntable
 from core.export.framing import MARGIN, filling_distance, filling_frame
-from core.export.keyframes import View, turntable
 from core.models.field import Field
 from core.models.model import Model
 from tests.core.export.test_mesh import tiny  # noqa: F401  (a fixture)
@@ -37,12 +37,6 @@ def test_every_shape_of_a_morph_stays_in_sight(tiny: Model):  # noqa: F811
     camera = tiny.camera(0.3, 0.3).resized(96, 96)
     morph = [View(tiny[0].mixed(tiny[3], amount, 0.0), camera) for amount in np.linspace(0, 1, 9)]
     assert min(min(edges(tiny, view)) for view in filling_frame(morph)) > 0
-
-
-def test_a_close_view_stays_close_without_zooming_out(tiny: Model):  # noqa: F811
-    near = View(tiny[0], tiny.camera(0.3, 0.3, 0.6))
-    assert filling_frame([near], zoom_out=False) == [near]
-    assert filling_frame([near])[0].camera.focal < near.camera.focal
 
 
 @pytest.mark.parametrize(("size", "elevation"), [((96, 96), 0.0), ((64, 128), 0.5), ((192, 96), 1.5)])

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from core.detail.progressive import render_frame
-from core.export.keyframes import Keyframe, Timeline, View, turntable
+from core.export.films import morph, turntable
 from core.export.video import FORMATS, VideoSettings, shown_views, write_video
 from core.export.video_frames import over
 from core.models.model import Model
@@ -197,10 +197,9 @@ def test_less_quality_is_a_smaller_file(suffix: str, model: Model, tmp_path: Pat
     assert (tmp_path / f"10{suffix}").stat().st_size < (tmp_path / f"95{suffix}").stat().st_size
 
 
-def test_a_timeline_is_written_as_a_video(model: Model, tmp_path: Path) -> None:
+def test_a_morph_is_written_as_a_video(model: Model, tmp_path: Path) -> None:
     camera = model.camera(0.0, 0.3).resized(32, 32)
-    keys = Keyframe(0.0, View(model[0], camera)), Keyframe(0.5, View(model[1], camera))
-    list(write_video(Timeline(keys, 1.0, turns=1).views(8), tmp_path / "a.frames", VideoSettings(exact=True)))
+    list(write_video(morph(model[0], model[1], camera, 8), tmp_path / "a.frames", VideoSettings(exact=True)))
     for index, code in ((0, 0), (4, 1)):
         turned = model.camera(np.pi * code, 0.3).resized(32, 32)
         expected = render_frame(model[code], turned).image.astype(int)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.export import video_frames
-from core.export.keyframes import View, turntable
+from core.export.films import View, turntable
 from core.export.video_frames import baked_frames, exact_frames, supersampling
 from core.metrics import psnr, psnr_from_mse
 from core.models.model import Model

@@ -8,7 +8,6 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.export.keyframes import Keyframe, Timeline, View
 from core.export.mesh import extract_mesh
 from core.gl.baking import bake
 from core.metrics import psnr
@@ -124,19 +123,6 @@ def test_objects_with_other_offsets_are_other_objects(tiny: Model):
     assert instance.codes.texture_key == instance.changed(shape_offsets=None).codes.texture_key
     with pytest.raises(ValueError, match="finite"):
         Latents(torch.zeros(2), torch.zeros(2), torch.full((2, 3), torch.inf).half())
-
-
-def test_a_video_moves_offsets_and_begins_and_ends_at_its_keys(tiny: Model):
-    instance = freed(tiny, 0)
-    camera = tiny.camera(0.0, 0.3)
-    keys = (Keyframe(0.0, View(instance, camera)), Keyframe(2.0, View(tiny[1], camera)))
-    timeline = Timeline(keys, length=2.0, loop=False)
-    assert torch.equal(timeline.at(0.0).instance.codes.shape_offsets, instance.codes.shape_offsets)
-    middle = timeline.at(1.0).instance
-    torch.testing.assert_close(
-        middle.codes.shape_offsets.float(), instance.codes.shape_offsets.float() / 2, atol=2e-3, rtol=1e-2
-    )
-    assert not timeline.at(2.0).instance.codes.shape_offsets.any()
 
 
 def test_a_scene_keeps_offsets_exactly_and_refuses_those_of_another_network(tiny: Model, tmp_path: Path):

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from core.detail.progressive import Frame, RenderJob, RenderSettings, render_progressively
-from core.export.keyframes import turntable
+from core.export.films import turntable
 from core.export.video_frames import baked_frames, exact_frames, over
 from core.geometry.camera import Camera
 from core.gl.ground_shader import GroundShader

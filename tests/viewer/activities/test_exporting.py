@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 from PIL import Image
 
-from core.export.keyframes import TURN
+from core.export.films import TURN
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import Clock
 from viewer.editor import Editor

@@ -67,7 +67,6 @@ def test_the_view_follows_a_fit_until_a_person_changes_the_scene(session: Sessio
     assert session.viewport.following
     assert session.viewport.frame is not before
     assert session.viewport.frame.resolution[0] > session.viewport.frame.resolution[1]
-    session.player.add_key()
     session.viewport.pan_by(0.1, 0.0)
     assert session.viewport.following
     assert not session.jobs.busy("view")

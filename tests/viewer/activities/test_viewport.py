@@ -94,25 +94,6 @@ def test_an_object_that_cannot_be_baked_is_reported_once(session: Session) -> No
     assert session.messages.errors == ["Cannot bake the object: no grid"]
 
 
-def test_a_timeline_of_a_baked_object_is_turned_by_opengl(session: Session, bakery: Bakery) -> None:
-    viewport = session.viewport
-    editor = session.editor
-    player = session.player
-    viewport.change(opengl=True)
-    finish(session, lambda: viewport.is_baked(editor.scene.instance) and viewport.sharp)
-    player.add_key()
-    player.seek(2.0)
-    editor.set_camera(orbit.turned(editor.scene.camera, 1.0, 0.0))
-    player.add_key()
-    player.seek(1.0)
-    assert viewport.baked_frame is not None
-    player.play()
-    session.tick()
-    assert viewport.baked_frame is not None
-    player.pause()
-    finish(session, lambda: viewport.sharp)
-
-
 def test_what_is_on_screen_is_not_sharp_once_the_scene_has_changed(session: Session, editor: Editor) -> None:
     finish(session, lambda: session.viewport.sharp)
     editor.sample()

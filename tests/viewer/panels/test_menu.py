@@ -89,10 +89,10 @@ def test_actions_objects_and_panels_are_found_by_typing(drive: Drive) -> None:
         search("object")
         window.click("Help/**/###found 1")
         assert editor.state.mix.a.shape != "object 4" and not context.help_open
-        search("timeline")
+        search("developer")
         window.press(key.enter)
         window.ctx.yield_(3)
-        assert window.exists("Timeline/###add_key")
+        assert window.exists("Developer/##mode")
 
     drive(act, size=(900, 600))
 

@@ -178,20 +178,6 @@ def test_share_settings_are_kept_between_launches(drive: Drive, tmp_path: Path) 
         drive(act, folder=tmp_path)
 
 
-@in_window()
-def test_a_film_needs_keyframes(window: Driver) -> None:
-    window.context.share("video")
-    window.wait()
-    assert window.ctx.item_info("//Share/###save").item_flags & imgui.ItemFlags_.disabled
-    assert window.session.messages.errors == []
-    window.press(imgui.Key.k)  # what may be typed for a name changes nothing
-    assert not window.session.player.timeline.keys
-    window.session.player.add_key()
-    window.wait()
-    window.click("Share/###save")
-    assert window.context.files.asking
-
-
 def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: Model) -> None:
     def act(window: Driver) -> None:
         session = window.session

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.export.keyframes import Timeline
 from core.models.model import Model
 from core.models.scene import Scene
 from tests.conftest import random_model
@@ -100,7 +99,6 @@ def test_an_edit_from_an_earlier_state_is_a_branch_beside_the_later_ones(edited:
 
 
 def test_a_drag_that_begins_as_no_edit_is_a_branch_once_it_is_one(edited: Callable[[int], State]) -> None:
-    """A keyframe that is dragged changes the timeline first, then the codes."""
     history = History.of(edited(0), edited(1)).at(0)
     history = history.changed(replace(edited(0), removed=frozenset({"a"})), "key")
     assert history.future == (replace(edited(1), removed=frozenset({"a"})),)
@@ -110,30 +108,24 @@ def test_a_drag_that_begins_as_no_edit_is_a_branch_once_it_is_one(edited: Callab
     assert history.undone().now == edited(0)
 
 
-def test_an_undone_move_of_the_camera_is_no_branch_but_an_undone_keyframe_is(
+def test_an_undone_move_of_the_camera_is_no_branch_but_an_undone_choice_of_b_is(
     edited: Callable[[int], State], model: Model
 ) -> None:
     turned = History.of(edited(0), _turned(edited(0), model, 0.5)).undone().changed(edited(1))
     assert turned.branches() == () and len(turned.steps) == 3
     other_b = replace(edited(0), mix=replace(edited(0).mix, b="c"))
     removed = replace(edited(0), removed=frozenset({"a"}))
-    keys = replace(edited(0), timeline=Timeline(length=9.0))
-    for changed, words in ((other_b, "c as B"), (removed, "removed objects"), (keys, "keyframes")):
+    for changed, words in ((other_b, "c as B"), (removed, "removed objects")):
         history = History.of(edited(0), changed).undone().changed(edited(1))
         assert [(branch.last, branch.words) for branch in history.branches()] == [(1, words)]
 
 
-def test_later_states_take_over_what_is_removed_or_in_the_timeline(edited: Callable[[int], State]) -> None:
-    timelines = [Timeline(length=seconds) for seconds in (2.0, 3.0, 5.0)]
-    first, second = (replace(edited(number), timeline=timelines[0]) for number in (0, 1))
-    third = replace(edited(2), timeline=timelines[1], removed=frozenset({"b"}))
-    history = History.of(first, second, third).at(0)
-    history = history.changed(replace(first, timeline=timelines[2])).changed(
-        replace(first, timeline=timelines[2], removed=frozenset({"a"}))
-    )
-    assert [state.timeline for state in history.future] == [timelines[2], timelines[1]]
+def test_later_states_take_over_what_is_removed(edited: Callable[[int], State]) -> None:
+    third = replace(edited(2), removed=frozenset({"b"}))
+    history = History.of(edited(0), edited(1), third).at(0)
+    history = history.changed(replace(edited(0), removed=frozenset({"a"})))
     assert [state.removed for state in history.future] == [{"a"}, {"a", "b"}]
-    assert history.undone().undone().now == first
+    assert history.undone().now == edited(0)
 
 
 def test_what_is_no_tree_is_refused(edited: Callable[[int], State]) -> None:

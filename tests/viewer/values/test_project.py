@@ -1,7 +1,6 @@
 import json
 import math
 import random
-import shutil
 import zipfile
 from collections.abc import Callable
 from contextlib import suppress
@@ -12,12 +11,6 @@ import numpy as np
 import pytest
 import torch
 
-from core.edits.bend import Bend
-from core.edits.paint import PartPaint
-from core.edits.stretch import Stretch
-from core.edits.warp import Warp
-from core.models import library
-from core.models.library import load_model
 from core.models.missing import MissingInstance
 from core.models.model import Model
 from core.models.open_models import OpenModels
@@ -25,12 +18,9 @@ from core.models.photo_detail import compressed
 from core.photos.photo import Photo
 from core.photos.segmentation import Hints, Stroke
 from core.runtime import reading
-from tests.conftest import open_models, random_model
+from tests.conftest import random_model
 from tests.viewer.driver import finish
 from viewer.editor import Editor
-from viewer.services.backend import Backend
-from viewer.services.user_objects import UserObjects
-from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource
 from viewer.values.project import Project
@@ -45,16 +35,13 @@ def models(session: Session) -> OpenModels:
 
 @pytest.fixture
 def saved(session: Session, editor: Editor, photo: Path) -> Project:
-    """A fitted object, a mix, a timeline, an undone edit, and a fit that waits."""
+    """A fitted object, a mix, an undone edit, and a fit that waits."""
     session.fitting.start(photo)
     finish(session, lambda: not session.fitting.running)
     editor.set_b("object 4")
     editor.mix_both(0.0, 0.4)
-    session.player.add_key()
-    session.player.seek(1.5)
     editor.show_object("object 2")
-    session.player.add_key()
-    session.player.stretch(7.0)
+    editor.show_object("object 3")
     editor.undo()
     project = session.project()
     hints = Hints((0.1, 0.2, 0.8, 0.9), (Stroke(((0.5, 0.5), (0.6, 0.5)), 0.02, False),))
@@ -70,8 +57,6 @@ def test_a_saved_project_is_loaded_completely(
     assert loaded.history == saved.history
     assert len(loaded.history.past) > 3
     assert len(loaded.history.future) == 1
-    assert loaded.history.now.timeline.length == 4.0
-    assert loaded.history.future[0].timeline.length == 7.0
     before, mixed = saved.objects
     after, mixed_again = loaded.objects
     assert mixed_again.instance == mixed.instance and mixed.version_of == before.key
@@ -94,9 +79,9 @@ def test_a_saved_project_is_loaded_completely(
     assert all(map(session.editor.can_show, loaded.history.states))
 
 
-def test_loaded_states_share_timelines_and_codes(models: OpenModels, saved: Project, model: Model, tmp_path: Path):
+def test_loaded_states_share_codes(models: OpenModels, saved: Project, model: Model, tmp_path: Path):
     history = saved.history
-    for step in range(400):  # the camera moves, codes and timeline stay
+    for step in range(400):  # the camera moves, the codes stay
         camera = replace(history.now.scene.camera, azimuth=0.01 * step)
         history = history.changed(replace(history.now, scene=replace(history.now.scene, camera=camera)))
     replace(saved, history=history).save(tmp_path / "a.codenerf", models)
@@ -105,7 +90,6 @@ def test_loaded_states_share_timelines_and_codes(models: OpenModels, saved: Proj
     assert loaded.history == history
     first = loaded.history.past[-300]
     last = loaded.history.now
-    assert first.timeline is last.timeline
     assert first.scene.instance.codes.shape.data_ptr() == last.scene.instance.codes.shape.data_ptr()
 
 
@@ -336,238 +320,6 @@ def test_states_that_mix_objects_that_nobody_has_are_not_shown(session: Session,
         "block" not in state.mix.names for state in saved.history.states
     ]
     assert editor.can_show(editor.state)
-
-
-@pytest.mark.parametrize("commit", ["182af46", "328e5eb", "7cb5a31", "7f062c0"])
-def test_projects_and_scenes_of_earlier_versions_open(worker: Worker, backend: Backend, commit: str) -> None:
-    """Chairs had a session of their own, and cars, which were open at the end; models of both may be former ones."""
-    folder = Path("tests/files") / commit
-    (chairs, cars) = _MODELS
-    session = Session(worker, replace(backend, load_model=load_model))
-    session.open_project(folder / "project.codenerf")
-    editor = session.editor
-    assert session.messages.errors == []
-    states = editor.history.states
-    assert [state.scene.instance.fingerprint for state in states] == [chairs] * 9 + [cars] * 9
-    assert (len(editor.history.past), len(editor.history.future)) == (16, 1)
-    assert states[8].timeline.turns == states[17].timeline.turns == -2
-    assert [added.name for added in editor.objects.added] == ["block (2)", "block"]
-    assert [editor.objects[name].instance.fingerprint for name in ("block (2)", "block")] == [chairs, cars]
-    assert states[4].mix.a.shape == "block (2)" and states[13].mix.a.shape == "block"
-    assert session.fitting.history.model == cars and len(session.fitting.history.steps) == 10
-    for index in range(len(states)):
-        editor.go_to(index)
-        assert editor.model.fingerprint == states[index].scene.instance.fingerprint
-    for name in ("look.json", "look.png"):
-        session.open_scene(folder / name)
-        assert session.messages.errors == []
-        assert editor.scene == states[16].scene
-
-
-def test_a_project_without_branches_opens(worker: Worker, backend: Backend) -> None:
-    """Of the second format: an object was removed, and painting the other one undone."""
-    session = Session(worker, replace(backend, load_model=load_model))
-    session.open_project(Path("tests/files/8c33206/project.codenerf"))
-    editor = session.editor
-    assert session.messages.errors == []
-    assert (len(editor.history.past), len(editor.history.future)) == (13, 1)
-    assert editor.objects.own == ["block blue"] and editor.objects.removed == {"block"}
-    assert editor.state.version_of == "block blue"
-    session.open_scene(Path("tests/files/8c33206/look.json"))
-    assert editor.scene == editor.history.past[13].scene
-
-
-def test_a_project_with_branches_and_an_edited_object_opens(worker: Worker, backend: Backend, tmp_path: Path) -> None:
-    shutil.copytree("tests/files/29b3170/mine", tmp_path / "mine")
-    session = Session(worker, replace(backend, load_model=load_model), folder=tmp_path)
-    assert sorted(block.unedited is not None for block in session.editor.objects.added) == [False, True]
-    session.open_project(Path("tests/files/29b3170/project.codenerf"))
-    editor = session.editor
-    assert session.messages.errors == []
-    block = editor.objects["block blue"]
-    assert editor.scene.instance == block.instance and block.unedited is not None
-    torch.testing.assert_close(block.instance.codes.texture, block.unedited.codes.texture - 0.25)
-    (branch,) = editor.history.branches()
-    editor.go_to(branch.last)
-    torch.testing.assert_close(editor.objects["block blue"].instance.codes.texture, block.unedited.codes.texture + 0.25)
-    assert editor.objects.own == ["block blue"]
-    for _ in range(2):
-        editor.undo()
-    assert sorted(editor.objects.own) == ["block", "block blue"]
-
-
-def test_a_project_and_a_scene_with_offsets_open(worker: Worker, backend: Backend, tmp_path: Path) -> None:
-    folder = Path("tests/files/da8bdc5")
-    shutil.copytree(folder / "mine", tmp_path / "mine")
-    session = Session(worker, replace(backend, load_model=load_model), folder=tmp_path)
-    session.open_project(folder / "project.codenerf")
-    editor = session.editor
-    assert session.messages.errors == []
-    fitted = editor.objects["block"].instance
-    mixed = editor.scene.instance
-    assert fitted.codes.shape_offsets is not None and fitted.detail is not None
-    assert fitted.detail.fitted.shape_key == fitted.codes.shape_key
-    assert mixed.codes.shape_offsets is not None  # half of B, which has none
-    torch.testing.assert_close(
-        mixed.codes.shape_offsets.float(), fitted.codes.shape_offsets.float() / 2, atol=1e-3, rtol=1e-2
-    )
-    for name in ("look.json", "look.png"):
-        session.open_scene(folder / name)
-        assert editor.scene.instance == mixed
-
-
-def test_a_project_and_a_scene_with_a_size_open(worker: Worker, backend: Backend) -> None:
-    folder = Path("tests/files/2de427aa")
-    model = load_model("tests/files/1bad02d/model.safetensors")
-    session = Session(worker, replace(backend, load_model=lambda name: model))
-    session.open_project(folder / "project.codenerf")
-    editor = session.editor
-    assert session.messages.errors == []
-    assert editor.scene.instance.codes.factors == (1.5, 1.0, 0.75)
-    editor.undo()
-    assert not editor.scene.instance.is_sized
-    for name in ("look.json", "look.png"):
-        session.open_scene(folder / name)
-        assert editor.scene.instance.codes.factors == (1.5, 1.0, 0.75)
-
-
-def test_versions_that_name_their_object_stay_with_it(worker: Worker, backend: Backend, tmp_path: Path) -> None:
-    folder = Path("tests/files/745c46f1")
-    shutil.copytree(folder / "mine", tmp_path / "mine")
-    model = load_model("tests/files/1bad02d/model.safetensors")
-    backend = replace(backend, load_model=lambda name: model)
-    for files in (tmp_path, None):
-        session = Session(worker, backend, folder=files)
-        session.open_project(folder / "project.codenerf")
-        objects = session.editor.objects
-        assert session.messages.errors == []
-        assert set(objects.versions("block")) == {"block", "block (2)", "block (3)"}
-        assert objects.versions("opened") == ["opened", "opened (2)"]
-        session.rename("block", "renamed")
-        session.kept_objects.store()
-    session = Session(worker, backend, folder=tmp_path)
-    assert set(session.editor.objects.versions("renamed")) == {"renamed", "block (2)", "block (3)"}
-
-
-def test_a_project_and_a_scene_with_longer_legs_open(worker: Worker, backend: Backend) -> None:
-    folder = Path("tests/files/dcc43e31")
-    model = load_model("tests/files/1bad02d/model.safetensors")
-    session = Session(worker, replace(backend, load_model=lambda name: model))
-    session.open_project(folder / "project.codenerf")
-    editor = session.editor
-    assert session.messages.errors == []
-    bend = Bend(-0.375, -0.0625, 0.0625, 0.375)
-    sized = editor.scene.instance
-    assert sized.codes.edits == (bend, Stretch((1.0, 1.0, 1.25)))
-    editor.undo()
-    assert not editor.scene.instance.is_sized
-    for name in ("look.json", "look.png"):
-        session.open_scene(folder / name)
-        assert editor.scene.instance == sized
-
-
-def test_a_project_and_a_scene_with_an_edit_of_the_shape_open(worker: Worker, backend: Backend, tmp_path: Path) -> None:
-    folder = Path("tests/files/635ec408")
-    shutil.copytree(folder / "mine", tmp_path / "mine")
-    model = load_model("tests/files/1bad02d/model.safetensors")
-    backend = replace(backend, load_model=lambda name: model)
-    session = Session(worker, backend)
-    session.open_project(folder / "project.codenerf")
-    editor = session.editor
-    assert session.messages.errors == []
-    edited = editor.scene.instance
-    (warp,) = edited.codes.of_kind(Warp)
-    assert warp.steps == (1.0, -0.5, 0.25, 0.0, 0.0)
-    editor.undo()
-    assert editor.scene.instance.codes.edits == ()
-    for name in ("look.json", "look.png"):
-        session.open_scene(folder / name)
-        assert editor.scene.instance == edited
-    session = Session(worker, backend, folder=tmp_path)
-    assert session.editor.objects["block"].instance == edited
-
-
-def test_a_project_and_a_scene_with_paints_open(worker: Worker, backend: Backend) -> None:
-    folder = Path("tests/files/60da7b50")
-    model = load_model("tests/files/1bad02d/model.safetensors")
-    session = Session(worker, replace(backend, load_model=lambda name: model))
-    session.open_project(folder / "project.codenerf")
-    editor = session.editor
-    assert session.messages.errors == []
-    red = PartPaint("seat", (0.75, 0.125, 0.125), (0.5, 0.5, 0.25))
-    wood = PartPaint("wood", (0.25, 0.25, 0.25), (0.5, 0.25, 0.0), ((0.5, 0.25, 0.0), (1.0, 1.0, 0.75)), 0.5)
-    painted = editor.scene.instance
-    assert painted.codes.of_kind(PartPaint) == (red, wood)
-    editor.undo()
-    assert editor.scene.instance.codes.of_kind(PartPaint) == ()
-    for name in ("look.json", "look.png"):
-        session.open_scene(folder / name)
-        assert editor.scene.instance == painted
-
-
-def test_an_object_of_the_first_version_without_photo_opens(tmp_path: Path) -> None:
-    """Scenes that were opened had a photo of null."""
-    with zipfile.ZipFile("tests/files/7cb5a31/project.codenerf") as file:
-        members = {name: file.read(name) for name in file.namelist()}
-    record = json.loads(members["project.json"])
-    for session in record["sessions"]:
-        for made in session["objects"]:
-            made["photo"] = None
-    members["project.json"] = json.dumps(record).encode()
-    with zipfile.ZipFile(tmp_path / "a.codenerf", "w") as file:
-        for name, content in members.items():
-            file.writestr(name, content)
-    loaded = Project.load(tmp_path / "a.codenerf", OpenModels(load_model))
-    assert [item.fitted for item in loaded.objects] == [False, False]
-
-
-@pytest.mark.parametrize("commit", ["182af46", "328e5eb", "7cb5a31", "7f062c0"])
-def test_stored_objects_of_earlier_versions_open(worker: Worker, backend: Backend, commit: str, tmp_path: Path) -> None:
-    shutil.copytree(Path("tests/files") / commit / "mine", tmp_path / "mine")
-    session = Session(worker, replace(backend, load_model=load_model), folder=tmp_path)
-    assert len(session.editor.objects.added) == 2
-    assert {added.instance.fingerprint for added in session.editor.objects.added} == {*_MODELS}
-
-
-def test_work_with_a_formerly_shipped_model_goes_on_beside_the_new_one(
-    worker: Worker, backend: Backend, saved: Project, model: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Objects of both models have the same names."""
-    monkeypatch.setattr(library, "FORMER", tmp_path / "former")
-    (tmp_path / "former").mkdir()
-    saved.save(tmp_path / "a.codenerf", open_models(model))
-    saved.history.now.scene.save(tmp_path / "look.json")
-    kept = UserObjects(tmp_path / "config" / "mine")
-    kept.sync(open_models(model), saved.objects)
-    model.save(tmp_path / "former" / f"{model.fingerprint}.safetensors")
-    backend = replace(backend, load_model=lambda name: model if name == model.fingerprint else random_model(9))
-
-    session = Session(worker, backend)
-    new = session.editor.model
-    session.open_scene(tmp_path / "look.json")
-    assert session.editor.scene == saved.history.now.scene
-    session = Session(worker, backend)
-    session.open_project(tmp_path / "a.codenerf")
-    editor = session.editor
-    assert session.messages.errors == []
-    assert [state.scene for state in editor.history.states] == [state.scene for state in saved.history.states]
-    assert {state.mix.a.shape for state in editor.history.states[2:]} <= {"block", "object 0 (2)", "object 2 (2)"}
-    assert len(session.listed_models) == 2
-    editor.set_b("object 3 (2)")
-    editor.mix_both(0.5, 0.0)
-    assert editor.model.fingerprint == editor.objects["object 3 (2)"].instance.fingerprint == model.fingerprint
-    session.project().save(tmp_path / "b.codenerf", session.models)
-    assert str(tmp_path) not in session.models.names
-
-    session = Session(worker, backend, folder=tmp_path / "config")
-    assert session.editor.objects["block"].instance == saved.objects[0].instance
-    assert session.editor.model is session.listed_models[0] and session.editor.model.fingerprint == new.fingerprint
-    assert len(session.listed_models) == 1
-    session.open_project(tmp_path / "b.codenerf")
-    assert session.editor.state.mix == editor.state.mix
-    session.fitting.start(saved.fit.sources[0].path)
-    finish(session, lambda: not session.fitting.pending)
-    assert session.fitting.history.model == new.fingerprint  # with which a new photo is fitted
 
 
 def test_a_project_that_is_too_large_is_not_saved(session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import torch
 
-from core.export.keyframes import SWING, TURN, Keyframe, Timeline, View
+from core.export.films import SWING, TURN
 from core.models.model import Model
 from core.models.photo_detail import PhotoDetail, PhotoView
 from core.models.scene import Scene
-from viewer.values.share_settings import RATE, ShareSettings, films_of
+from viewer.values.share_settings import ShareSettings, films_of
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def test_background_and_shadow_follow_the_format() -> None:
 def test_a_page_is_square_and_shows_all_of_the_object_from_every_side(model: Model, scene: Scene) -> None:
     near = replace(scene, camera=replace(scene.camera.resized(60, 30), focal=300.0))
     settings = ShareSettings("page", size=40, wide=True, background="transparent", view_background=((1, 2, 3),) * 2)
-    (view,) = settings.views(near, Timeline())
+    (view,) = settings.views(near)
     assert (view.camera.width, view.camera.height) == (40, 40)
     corners = torch.cartesian_prod(*(torch.tensor([-side, side]) for side in model.extent))
     for turn in range(12):
@@ -66,22 +66,13 @@ def test_a_page_is_square_and_shows_all_of_the_object_from_every_side(model: Mod
 
 def test_a_turntable_turns_once_at_the_chosen_size_and_fills_its_frame(model: Model, scene: Scene) -> None:
     near = replace(scene, camera=replace(scene.camera, distance=0.4 * model.distance))
-    views = ShareSettings("turntable", size=40).views(near, Timeline())
+    views = ShareSettings("turntable", size=40).views(near)
     assert len(views) == TURN
     assert {(view.camera.width, view.camera.height, view.camera.distance) for view in views} == {
         (40, 40, model.distance)  # its perspective stays
     }
-    wide = ShareSettings("turntable", size=40, wide=True).views(near, Timeline())
+    wide = ShareSettings("turntable", size=40, wide=True).views(near)
     assert {(view.camera.width, view.camera.height) for view in wide} == {(72, 40)}
-
-
-def test_a_video_comes_nearer_but_never_goes_further_away(model: Model, scene: Scene) -> None:
-    video = ShareSettings("video")
-    for distance, nearer in ((6.0, True), (0.5, False)):
-        key = Keyframe(0.0, View(scene.instance, replace(scene.camera, distance=distance)))
-        views = video.views(scene, Timeline((key,), 1.0))
-        assert len(views) == RATE
-        assert (views[0].camera.focal > scene.camera.resized(512, 512).focal) == nearer
 
 
 @pytest.fixture
@@ -96,11 +87,11 @@ def photographed(model: Model, scene: Scene) -> Scene:
 
 @pytest.mark.parametrize(("kind", "frames"), [("swing", SWING), ("turntable", TURN), ("morph", TURN), ("page", 1)])
 def test_films_start_at_the_photos_camera(model: Model, photographed: Scene, kind: str, frames: int) -> None:
-    views = ShareSettings(kind, size=40).views(photographed, Timeline(), model[1])
+    views = ShareSettings(kind, size=40).views(photographed, model[1])
     assert len(views) == frames
     assert (views[0].camera.azimuth, views[0].camera.elevation) == pytest.approx((1.0, 0.4))
     assert views[0].instance == photographed.instance
-    (picture,) = ShareSettings("picture", size=40).views(photographed, Timeline())
+    (picture,) = ShareSettings("picture", size=40).views(photographed)
     assert picture.camera.azimuth == -2.0
 
 
@@ -108,9 +99,9 @@ def test_a_film_that_the_object_cannot_have_gives_way_to_its_usual_one(
     model: Model, scene: Scene, photographed: Scene
 ) -> None:
     partner = model[1]
-    assert films_of(photographed, partner) == ("swing", "turntable", "morph", "video")
-    assert films_of(scene, None) == ("turntable", "video")
-    for kind, plain in (("swing", "turntable"), ("morph", "turntable"), ("video", "video"), ("page", "page")):
+    assert films_of(photographed, partner) == ("swing", "turntable", "morph")
+    assert films_of(scene, None) == ("turntable",)
+    for kind, plain in (("swing", "turntable"), ("morph", "turntable"), ("page", "page")):
         assert ShareSettings(kind).film_of(scene, None).kind == plain
         assert ShareSettings(kind).film_of(photographed, partner).kind == kind
     assert ShareSettings("morph").film_of(photographed, None).kind == "swing"
