@@ -67,7 +67,6 @@ def test_a_session_goes_on_at_the_next_launch(drive: Drive, photo: Path, tmp_pat
     def first(window: Driver) -> None:
         editor = window.session.editor
         window.fit(photo)
-        window.press(imgui.Key.k)
         window.drag("View/orbit", 80)
         made.append(editor.history)
 
@@ -369,7 +368,6 @@ def test_letters_typed_while_a_dialog_is_open_change_no_object(window: Driver) -
     before = editor.history
     window.press(key.mod_ctrl, key.e)
     window.press(key.r)
-    window.press(key.k)
     assert editor.history is before
     window.show("Photo")  # as a dropped photo does
     window.press(key.f1)
@@ -399,18 +397,12 @@ def test_a_car_beside_a_chair_fitted_edited_undone_shared(drive: Drive, both: Ba
             window.show("Mix")
             window.drag("Mix/mix pad", 30, -20)
             assert editor.model.category == category
-            window.press(imgui.Key.k)
             window.context.share("turntable")
             window.click("Share/###save")
             window.type(str(tmp_path / f"{category}.gif"))
             window.wait(lambda: not session.exporting.running)
             window.context.share_open = False
-        window.context.share("video")  # of both, with a cut
-        window.click("Share/###save")
-        window.type(str(tmp_path / "both.gif"))
-        window.wait(lambda: not session.exporting.running)
-        window.context.share_open = False
-        assert len(list(tmp_path.glob("*.gif"))) == 3
+        assert len(list(tmp_path.glob("*.gif"))) == 2
         assert session.messages.errors == []
         assert not [message.text for message in session.messages.log if "model" in message.text]
         models = {state.scene.instance.fingerprint for state in editor.history.states}

@@ -17,7 +17,6 @@ def test_a_click_in_the_history_brings_an_edit_back_and_each_object_has_one_tile
         window.click(f"Library/**/show object {step + 2}")
     last = editor.state
     assert len(editor.history.past) == 6  # undo has the moves too
-    window.press(imgui.Key.k)
     editor.mix_both(0.5, 0.5)
     mixed = editor.state
     window.wait()
