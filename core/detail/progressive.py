@@ -60,6 +60,7 @@ class Frame:
     """fractions of each pixel's colour from a photo and from a mirrored photo, 0..1; None: all from the model"""
     shadow: GroundShadow | None = None
     """the object's shadow on the ground, to be drawn over a background; not part of the image"""
+    ray_seconds: float = 0.0  # of :attr:`seconds`, for the rays of this stage; 0: not measured
 
     @property
     def resolution(self) -> tuple[int, int]:
@@ -94,7 +95,11 @@ def render_progressively(job: RenderJob) -> Iterator[Frame | None]:
     for number in range(max(cached, default=0), len(stages)):
         camera, samples, complete = stages[number]
         local = job.instance.local_camera(camera)
+        shadow = shape_occupancy(job.instance, complete).shadow if job.shadow else None
+        shadow = shadow and shadow.stretched(job.instance.codes.proportions)
+        began_rays = time.perf_counter()  # the shape's cells, which the shadow needs, are found
         rendered = yield from render_steps(job.instance, camera, samples, complete)
+        ray_seconds = time.perf_counter() - began_rays
         sources = None
         if maps:
             rendered, fractions = maps.added(rendered, local)
@@ -104,9 +109,9 @@ def render_progressively(job: RenderJob) -> Iterator[Frame | None]:
         opacity = rendered.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
         evaluations = None if rendered.evaluations is None else rendered.evaluations.int().cpu().numpy()
-        shadow = shape_occupancy(job.instance, complete).shadow if job.shadow else None
-        shadow = shadow and shadow.stretched(job.instance.codes.proportions)
-        yield Frame(image, depth, opacity, number, len(stages), samples, seconds, evaluations, sources, shadow)
+        yield Frame(
+            image, depth, opacity, number, len(stages), samples, seconds, evaluations, sources, shadow, ray_seconds
+        )
 
 
 def render_frame(instance: Instance, camera: Camera) -> Frame:

@@ -1,5 +1,6 @@
 """The view: its source, its camera, its rendering, and the frame on screen."""
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -138,7 +139,7 @@ class Viewport:
         if self._baked_of not in (None, request.instance.unstretched):
             self._jobs.cancel("bake")
             self.baked = self._baked_of = None
-        self._submit(request, request.preview, self.budget.divisors(request.preview), urgent=True)
+        self._submit(request, request.preview, urgent=True)
 
     def tick(self) -> None:
         """Bake the object and render the sharp image while nothing changes and no fit runs; call once a frame."""
@@ -261,14 +262,14 @@ class Viewport:
 
     # Rendering
 
-    def _submit(self, request: ViewRequest, detail: int, stages: tuple[int, ...] = (1,), urgent: bool = False) -> None:
+    def _submit(self, request: ViewRequest, detail: int, urgent: bool = False) -> None:
         """Submit a render with ``detail`` px along the view's shorter side.
 
         Args:
-            stages: divisors of the resolution, one per stage.
-            urgent: a preview, before all other jobs.
+            urgent: a preview, from coarse to fine, before all other jobs.
         """
         crop = request.crop(detail)
+        stages = self.budget.divisors(crop.camera) if urgent else (1,)
         render = RenderSettings(request.settings.samples, stages)
         job = RenderJob(request.instance, crop.camera, render, shadow=True)
 
@@ -279,7 +280,7 @@ class Viewport:
                 self.full_frame = replace(self.full_frame[0], shadow=frame.shadow), self.full_frame[1]
             self.sharp = frame.final and detail == request.full
             if urgent and frame.stage == 0:
-                self.budget.observe(stages[0], frame.seconds)
+                self.budget.observe(math.prod(frame.resolution), frame.ray_seconds)
             if urgent and frame.final and not self.sharp:
                 self._last_render = time.monotonic()
 

@@ -67,7 +67,7 @@ def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
     return [
         ("Image", f"{width} x {height} px in {1000 * frame.seconds:.0f} ms"),
         ("Samples a ray", f"{frame.samples}{evaluated}"),
-        ("In motion", f"1/{budget.divisor} of the size, for {1000 * budget.limit:.0f} ms"),
+        ("In motion", f"1/{budget.divisor} of the size, {budget.rate:,.0f} rays a second"),
         ("Turning", f"OpenGL, {baked.cells} cells a side" if baked else "rendered"),
         ("Number format", str(matmul_dtype(device.type)).removeprefix("torch.")),
         ("Kept", f"{CACHE.used / 2**20:.0f} of {CACHE.limit / 2**20:.0f} MB"),
