@@ -98,7 +98,7 @@ class Session:
         self.originals = tuple[Original, ...]()  # project files of which something could not be read
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, self._pictures)
-        self.names = Names(self.editor, self.thumbnails, self.words)
+        self.names = Names(self.editor, self.words)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options, self._photo_copies)
         self.segmenting = Segmenting(jobs, self.fitting.fit)
         self.painting = Painting(jobs, self.editor, self.viewport)

@@ -19,10 +19,6 @@ class DirectionWords:
             self._measure(model)
         return self._words[model.fingerprint]
 
-    def of_shape(self, model: Model) -> tuple[str, ...]:
-        """Return the words of the shape's directions; none until they are measured."""
-        return (self.of_model(model) or {}).get("shape", ())
-
     def _measure(self, model: Model) -> None:
         self._words[model.fingerprint] = None
         measure = self._jobs.backend.direction_words

@@ -35,15 +35,15 @@ def readable(name: str) -> str:
     >>> readable("blendswap_cc_0_antiquechair"), readable("kenney_chair_desk-form1-look2")
     ('Antique chair', 'Chair desk, form 1, look 2')
     >>> readable("infinigen_chair_0103-form2"), readable("kaykit_restaurant_chair_stool"), readable("jme_ford_ranger")
-    ('Chair, form 2', 'Chair stool', 'Ford ranger')
+    ('Chair 103, form 2', 'Chair stool', 'Ford ranger')
     >>> readable("polyhaven_bar_chair_round_01"), readable("zhabotinsky_hatchback_kiri10-look2")
     ('Bar chair round 01', 'Hatchback kiri 10, look 2')
     >>> readable("chairs-0000087-0000287"), readable("my photo-2")
-    ('Chair, another look', 'my photo-2')
+    ('Chair 87, another look', 'my photo-2')
     """
     if generated := _GENERATED.match(name):
         look = "" if generated[3] in (None, generated[2]) else ", another look"
-        return generated[1].removesuffix("s").capitalize() + look
+        return f"{generated[1].removesuffix('s').capitalize()} {int(generated[2])}{look}"
     source = _SOURCE.match(name)
     if not source:
         return name
@@ -52,7 +52,7 @@ def readable(name: str) -> str:
     if suffix := _VARIANT.search(plain):
         variant = re.sub(r"-([a-z]+)(\d+)", r", \1 \2", suffix[0])
         plain = plain[: suffix.start()]
-    plain = re.sub(r"_\d{3,}$", "", plain)  # the number of a mesh is no name
+    plain = re.sub(r"_(\d{3,})$", lambda number: f" {int(number[1])}", plain)
     words = _NOUN.sub(" ", re.sub(r"(?<=[a-z])(\d+)$", r" \1", plain.replace("_", " ")))
     return words[:1].upper() + words[1:] + variant
 
