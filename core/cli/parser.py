@@ -295,7 +295,7 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     pack.add_argument("folders", type=Path, nargs="+", metavar="DATASET")
     pack.add_argument("--out", type=Path, required=True, metavar="X.views")
     pack.add_argument("--size", type=whole_from(8, 4096), metavar="PX", help="reduce larger images to this")
-    pack.add_argument("--quality", type=whole_from(1, 100), default=60, metavar="N", help="of the colours, 1 to 100")
+    pack.add_argument("--quality", type=whole_from(1, 100), default=60, metavar="N", help="of the colours; 100: exact")
 
 
 _DEFAULT_FIELD = RECIPES["default"].field

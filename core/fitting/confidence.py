@@ -4,8 +4,8 @@ Most wrong cameras have a rival in another basin (above all the opposite view) t
 a fit optimises rivals all around the object (:mod:`core.fitting.rivals`); the best is the runner-up. The relative
 margin is the fraction of the runner-up's loss that the winner saves. Other wrong cameras lie in no basin, as the model
 cannot explain the photo: their objective is flat, so its curvature gives a large uncertainty. :data:`CALIBRATION` is a
-logistic regression on margin and uncertainty over fits of renders with known cameras. ``python -m core bench fit
---dataset TEST_SET`` recomputes it and measures how well the confidence separates right from wrong.
+logistic regression on margin and uncertainty over fits of renders with known cameras. ``python -m core bench all``
+calibrates its own fits anew and measures how well the confidence separates right from wrong.
 """
 
 import math

@@ -1,83 +1,101 @@
-"""Test cases of fits: views of objects whose cameras are known."""
+"""Test cases of benchmarks: objects that no model was trained on, and views of them whose cameras are known."""
 
 import math
-from collections.abc import Iterator, Sequence
+import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.fitting.fit import PRESETS, FitJob, fit
 from core.geometry.camera import Camera
-from core.lab.datasets.splits import evenly_spaced
-from core.lab.datasets.srn import ObjectEntry, ObjectViews
-from core.lab.evaluation.protocol import as_photo
+from core.lab.datasets.srn import ObjectEntry, ObjectViews, index_objects
+from core.lab.evaluation.protocol import ViewScore, as_photo, score_view
 from core.metrics import psnr, rotation_error
+from core.models.library import load_model
 from core.models.model import Instance, Model
+from core.photos.photo import Photo
 from core.rendering.images import render_image
 
-HELD_OUT_VIEWS = 4  # other views of each object that score its fit
+BENCHMARK = Path(__file__).resolve().parents[3] / "assets" / "benchmark"
+DATASETS = (BENCHMARK / "chairs.views", BENCHMARK / "cars.views")
+MOST_PHOTOS = 5  # of an object in one fit
+SCORED_VIEWS = 5  # other views of an object that score its fits
+_FAR = 20.0  # degrees: a camera further off may still be right by symmetry
+_SYMMETRY_TOLERANCE = 5.0  # degrees: a view is symmetric if it matches the true one as well as a turn by this does
 _BACKGROUND = 0.99
 """brightness of all channels above which a pixel is background, for networks that render the background"""
-_NEAR_DEGREES = 8.0  # spacing of the views of a test spiral
-_SAME_FOCAL = 0.02  # logarithm of the ratio
 
 
 @dataclass(frozen=True, eq=False)
 class HeldOutView:
-    """An object and a view of it, to be fitted without its camera."""
+    """An object, views of it to be fitted, and other views that score the fit. ``ValueError`` for too few views."""
 
-    views: ObjectViews
-    index: int  # of the fitted view
-    instance: Instance
-    """the object's own; of an object that the model was not trained on, fitted to a few views with their cameras"""
-    full_size: ObjectViews | None = None  # the same views at the dataset's size; None if that is the model's
+    model: Model
+    views: ObjectViews  # at the model's image size
+    number: int = 0  # of the random order of the views
+    partner: ObjectViews | None = None  # another object of the category
+    stranger: ObjectViews | None = None  # an object of another category
+
+    def __post_init__(self) -> None:
+        if len(self.views.cameras) < MOST_PHOTOS + SCORED_VIEWS:
+            raise ValueError(f"{self.views.name}: a benchmark needs {MOST_PHOTOS + SCORED_VIEWS} views of an object")
+
+    @cached_property
+    def order(self) -> list[int]:
+        """The views in random order: photos, then the views that score."""
+        generator = np.random.default_rng((zlib.crc32(self.views.name.encode()), self.number))
+        return generator.permutation(len(self.views.cameras)).tolist()
 
     @property
-    def camera(self) -> Camera:
-        """The true camera of the fitted view."""
-        return self.views.cameras[self.index]
+    def seed(self) -> int:
+        """Seed of fits and corruptions."""
+        return self.order[0] + len(self.order) * self.number
 
-    def nearest(self, camera: Camera) -> int | None:
-        """Return the index of the nearest view to a camera; None if none is near and of its focal length."""
-        errors = [
-            math.inf if abs(math.log(view.focal / camera.focal)) > _SAME_FOCAL else rotation_error(view, camera)
-            for view in self.views.cameras
-        ]
-        index = int(np.argmin(errors))
-        return index if errors[index] < _NEAR_DEGREES else None
+    def photos(self, count: int, posed: bool) -> tuple[Photo, ...]:
+        """Return the first photos; ``posed``: with their cameras."""
+        return tuple(as_photo(self.views, index, posed) for index in self.order[:count])
 
+    def cameras(self, count: int = 1) -> tuple[Camera, ...]:
+        """Return the true cameras of the first photos."""
+        return tuple(self.views.cameras[index] for index in self.order[:count])
 
-def training_object_views(model: Model, count: int, generator: torch.Generator) -> Iterator[HeldOutView]:
-    """Yield training objects, evenly spaced over the model, rendered from random cameras on the upper hemisphere."""
-    for index in evenly_spaced(model.codes.valid, count):
-        name = model.codes.objects[index].name
-        instance = model[index]
-        cameras = tuple(random_camera(model, generator) for _ in range(1 + HELD_OUT_VIEWS))
-        renders = [render_on_white(instance, camera) for camera in cameras]
-        images = np.stack([(colour * 255 + 0.5).byte().numpy() for colour, _ in renders])
-        masks = np.stack([mask.numpy() for _, mask in renders])
-        yield HeldOutView(ObjectViews(name, name, name, images, masks, cameras), 0, instance)
+    def score(self, instance: Instance) -> ViewScore:
+        """Return the mean score of the other views, rendered from their true cameras."""
+        indices = self.order[MOST_PHOTOS : MOST_PHOTOS + SCORED_VIEWS]
+        return ViewScore(*np.mean([score_view(instance, self.views, index) for index in indices], axis=0).tolist())
 
+    @cached_property
+    def instance(self) -> Instance:
+        """The object, fitted to several photos with their cameras; without photo detail."""
+        *_, last = fit(self.model, FitJob(self.photos(MOST_PHOTOS, True), PRESETS["draft"]))
+        return last.instance.with_detail(None)
 
-def dataset_views(model: Model, entries: Sequence[ObjectEntry], generator: torch.Generator) -> Iterator[HeldOutView]:
-    """Yield one random view of every object of a dataset."""
-    for entry in entries:
-        full_size = entry.read()
-        views = full_size.reduced(model.image_size)
-        stride = -(-len(views.cameras) // HELD_OUT_VIEWS)
-        photos = tuple(as_photo(views, index, True) for index in range(0, len(views.cameras), stride))
-        *_, last = fit(model, FitJob(photos, PRESETS["draft"]))
-        index = int(torch.randint(len(views.cameras), (), generator=generator))
-        yield HeldOutView(views, index, last.instance, full_size)
+    def is_symmetric(self, fitted: Camera, truth: Camera) -> bool:
+        """True for a camera far from the true one from which the object looks nearly the same."""
+        far = rotation_error(fitted, truth) > _FAR
+        return far and is_symmetric_view(self.instance, fitted, truth, _SYMMETRY_TOLERANCE)
 
 
-def random_camera(model: Model, generator: torch.Generator) -> Camera:
-    """Return a camera whose direction is uniform on the upper hemisphere."""
-    turn, height = torch.rand(2, generator=generator).tolist()
-    return model.camera(2 * math.pi * turn, math.asin(height))
+@lru_cache(maxsize=4)
+def held_out_view(datasets: tuple[Path, ...], category: str, name: str, number: int) -> HeldOutView:
+    """Return an object of datasets of a shipped model's category, with the next object and one of another category."""
+    model = load_model(category)
+    entries = {kind: list(index_objects([folder])[1]) for folder in datasets for kind in index_objects([folder])[:1]}
+    names = [entry.name for entry in entries[category]]
+    position = names.index(name)
+    strangers = next((objects for kind, objects in entries.items() if kind != category), [])
+
+    def read(objects: Sequence[ObjectEntry], index: int) -> ObjectViews | None:
+        return objects[index % len(objects)].read().reduced(model.image_size) if objects else None
+
+    views = entries[category][position].read().reduced(model.image_size)
+    partner = read(entries[category], position + 1) if len(names) > 1 else None
+    return HeldOutView(model, views, number, partner, read(strangers, position))
 
 
 def is_symmetric_view(instance: Instance, fitted: Camera, truth: Camera, degrees: float) -> bool:

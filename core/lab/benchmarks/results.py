@@ -1,7 +1,6 @@
 """Measurements as CSV files and frames: a row per trial, a column per number.
 
-Columns of nested values contain a dot (``held_out.low``), those of tuples an index (``rotation_curve.3``); None is an
-empty cell. Floats are written in full.
+Columns of nested values contain a dot (``others.psnr``); None is an empty cell. Floats are written in full.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -11,7 +10,7 @@ from typing import Any, get_type_hints
 
 import pandas as pd
 
-_TEXTS = ("candidate", "detected", "name", "outcome", "photo")  # never read as numbers; empty rather than missing
+_TEXTS = ("category", "name", "case", "method", "outcome", "commit")  # never read as numbers
 
 
 def frame_of(rows: Iterable[object], conditions: Mapping[str, str] | None = None) -> pd.DataFrame:
@@ -24,14 +23,14 @@ def write_frame(path: Path, frame: pd.DataFrame) -> None:
     frame.to_csv(path, index=False, lineterminator="\n")
 
 
-def append_row(path: Path, conditions: Mapping[str, str], row: object) -> None:
-    """Append a row to a CSV file; a new one gets a header. One write, so processes may share a file."""
+def append_rows(path: Path, conditions: Mapping[str, str], rows: Iterable[object]) -> None:
+    """Append rows to a CSV file in one write; a new one gets a header."""
     with path.open("a", newline="") as file:
-        file.write(frame_of([row], conditions).to_csv(header=not file.tell(), index=False, lineterminator="\n"))
+        file.write(frame_of(rows, conditions).to_csv(header=not file.tell(), index=False, lineterminator="\n"))
 
 
-def read_frame(path: Path, columns: Sequence[str] = (), conditions: Mapping[str, str] | None = None) -> pd.DataFrame:
-    """Read a CSV file. Raises ``ValueError`` naming it if it has no rows, lacks a column, or has other conditions."""
+def read_frame(path: Path, columns: Sequence[str] = ()) -> pd.DataFrame:
+    """Read a CSV file. Raises ``ValueError`` naming it if it has no rows or lacks a column."""
     options = {"keep_default_na": False, "na_values": ["", "nan"]}
     try:
         frame = pd.read_csv(path, dtype=dict.fromkeys(_TEXTS, str), **options)
@@ -42,10 +41,6 @@ def read_frame(path: Path, columns: Sequence[str] = (), conditions: Mapping[str,
     for name in columns:
         if name not in frame:
             raise ValueError(f"{path}: column {name} is missing")
-    for name, text in (conditions or {}).items():
-        for cell in frame[name].astype(str) if name in frame else ["missing"]:
-            if cell != text:
-                raise ValueError(f"{path}: {name} {cell!r}, and now {text!r}; measure into another folder")
     return frame.fillna({name: "" for name in _TEXTS if name in frame})
 
 
@@ -56,12 +51,8 @@ def keys_of(frame: pd.DataFrame, columns: Sequence[str]) -> set[tuple]:
 
 def _cells(value: Any, name: str) -> Iterator[tuple[str, Any]]:
     """Yield names of columns and cells of a value."""
-    if is_dataclass(value) or hasattr(value, "_fields"):
-        fields = [(field, getattr(value, field)) for field in get_type_hints(type(value))]
-    elif isinstance(value, tuple):
-        fields = [(str(index), item) for index, item in enumerate(value)]
-    else:
+    if not (is_dataclass(value) or hasattr(value, "_fields")):
         yield name, value
         return
-    for field, content in fields:
-        yield from _cells(content, f"{name}.{field}".removeprefix("."))
+    for field in get_type_hints(type(value)):
+        yield from _cells(getattr(value, field), f"{name}.{field}".removeprefix("."))

@@ -1,7 +1,6 @@
-"""Stressors: ways in which an image can be worse than the training images.
+"""Stressors: ways in which the input of a fit can be wrong, each at some levels.
 
-Every one corrupts an image at some levels, or moves the camera that renders it. To add one, add a line to
-:data:`STRESSORS`.
+To add one, add a line to :data:`STRESSORS`.
 """
 
 import math
@@ -10,96 +9,134 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
-from PIL import Image
-from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter
+from jaxtyping import Bool, Float
+from scipy.ndimage import binary_dilation, gaussian_filter
 
-from core.geometry.camera import FRONT_AZIMUTH, Camera
+from core.photos.segmentation import CutOut
 
 Cutout = Float[np.ndarray, "height width 4"]  # 0..1: colours on white, and alpha
+Corruption = Callable[[Cutout, float, np.random.Generator], Cutout]
+_LARGE, _SMALL = 0.3, 0.06  # radii of discs, of the square root of the object's area
 
 
 class Stressor(NamedTuple):
-    """One way in which an image can be worse."""
+    """One way in which the input can be wrong."""
 
+    title: str
     unit: str  # of the levels
     levels: tuple[float, ...]
-    corrupt: Callable[[Cutout, float, np.random.Generator], np.ndarray] = lambda cutout, *_: cutout
-    """returns an image with 3 or 4 channels"""
-    camera: Callable[[Camera, float], Camera] = lambda camera, _: camera  # of the render
-    other_category: bool = False  # it shows an object of another shipped category, to be refused or doubted
+    corrupt: Corruption = lambda cutout, *_: cutout
+    harmless: float = 0.0  # level at which nothing is wrong
+    focal: bool = False  # the level is the stated focal length over the true one
+    stranger: bool = False  # the image shows an object of another category, to be refused or doubted
+    intruders: int = 0  # photos of another object among three
 
 
-def _hide(cutout: Cutout, least: float, generator: np.random.Generator) -> np.ndarray:
-    """Hide a fraction ``least`` to ``least`` + 0.2 of the object by discs; the cut-out shows the rest."""
+def _discs(cutout: Cutout, fraction: float, generator: np.random.Generator, radius: float) -> Cutout:
+    """Remove a fraction of the object by discs; the cut-out shows the rest."""
     height, width = cutout.shape[:2]
     visible = cutout[..., 3] > 0.5
     area = visible.sum()
-    target = least + 0.2 * generator.random()
     rows, columns = np.nonzero(visible)
     y, x = np.mgrid[:height, :width]
-    largest_radius = 0.3 * math.sqrt(area)
-    while (hidden := 1 - visible.sum() / area) < target - 0.02:
+    while (hidden := 1 - visible.sum() / area) < fraction - 0.02:
         centre = generator.integers(len(rows))
         # The last disc has the missing area.
-        radius = min(largest_radius, math.sqrt((target - hidden) * area / math.pi) + 1)
-        visible &= (y - rows[centre]) ** 2 + (x - columns[centre]) ** 2 > radius**2
-    corrupted = cutout.copy()
-    corrupted[~visible] = (1, 1, 1, 0)
-    return corrupted
+        largest = min(radius * math.sqrt(area), math.sqrt((fraction - hidden) * area / math.pi) + 1)
+        visible &= (y - rows[centre]) ** 2 + (x - columns[centre]) ** 2 > largest**2
+    return _masked(cutout, visible)
 
 
-def _shift(cutout: Cutout, fraction: float, _: np.random.Generator) -> np.ndarray:
-    """Move the object right and down by a fraction of the image."""
-    side = round((1 - fraction) * len(cutout))
-    shifted = np.zeros_like(cutout)
-    shifted[..., :3] = 1
-    shifted[-side:, -side:] = cutout[:side, :side]
-    return shifted
+def _occlude(cutout: Cutout, fraction: float, generator: np.random.Generator) -> Cutout:
+    return _discs(cutout, fraction, generator, _LARGE)
 
 
-def _blur(cutout: Cutout, pixels: float, _: np.random.Generator) -> np.ndarray:
-    return gaussian_filter(cutout, (pixels, pixels, 0), mode="nearest")
+def _pierce(cutout: Cutout, fraction: float, generator: np.random.Generator) -> Cutout:
+    return _discs(cutout, fraction, generator, _SMALL)
 
 
-def _downsample(cutout: Cutout, side: float, _: np.random.Generator) -> np.ndarray:
-    image = Image.fromarray((cutout * 255 + 0.5).astype(np.uint8), "RGBA")
-    return np.asarray(image.resize((int(side), int(side)), Image.Resampling.BOX))
+def _masked(cutout: Cutout, visible: Bool[np.ndarray, "height width"]) -> Cutout:
+    masked = cutout.copy()
+    masked[~visible] = (1, 1, 1, 0)
+    return masked
 
 
-def _corrupt_mask(cutout: Cutout, pixels: float, _: np.random.Generator) -> np.ndarray:
-    """Erode the mask (negative) or dilate it; the image stays."""
-    mask = (binary_dilation if pixels > 0 else binary_erosion)(cutout[..., 3] > 0.5, iterations=round(abs(pixels)))
-    colours = np.where(mask[..., None], cutout[..., :3], 1)
-    return np.concatenate((colours, mask[..., None].astype(np.float32)), -1)
-
-
-def _remove_mask(cutout: Cutout, grey: float, _: np.random.Generator) -> np.ndarray:
-    """Put the object on a plain background without alpha channel."""
-    return np.where(cutout[..., 3:] > 0.5, cutout[..., :3], np.float32(grey))
-
-
-def _crop(cutout: Cutout, fraction: float, _: np.random.Generator) -> np.ndarray:
-    """Cut off the left part of the object."""
+def _truncate(cutout: Cutout, fraction: float, _: np.random.Generator) -> Cutout:
+    """Cut off the left part of the object, with the image."""
     columns = (cutout[..., 3] > 0.5).sum(0).cumsum()
     return cutout[:, columns > fraction * columns[-1]]
 
 
+def _cut_legs(cutout: Cutout, fraction: float, _: np.random.Generator) -> Cutout:
+    """Leave the lowest part of the object's height out of the mask."""
+    rows = np.nonzero((cutout[..., 3] > 0.5).any(1))[0]
+    visible = cutout[..., 3] > 0.5
+    visible[round(rows[-1] + 1 - fraction * (rows[-1] + 1 - rows[0])) :] = False
+    return _masked(cutout, visible)
+
+
+def _blur(cutout: Cutout, pixels: float, _: np.random.Generator) -> Cutout:
+    return gaussian_filter(cutout, (pixels, pixels, 0), mode="nearest")
+
+
+def _add_noise(cutout: Cutout, deviation: float, generator: np.random.Generator) -> Cutout:
+    noisy = cutout.copy()
+    noisy[..., :3] += deviation * generator.standard_normal(noisy[..., :3].shape).astype(np.float32)
+    return _on_white(noisy)
+
+
+def _expose(cutout: Cutout, stops: float, _: np.random.Generator) -> Cutout:
+    """Multiply linear light by a power of two."""
+    exposed = cutout.copy()
+    exposed[..., :3] *= 2 ** (stops / 2.2)
+    return _on_white(exposed)
+
+
+def _on_white(cutout: Cutout) -> Cutout:
+    """Return valid colours, white where nothing is opaque."""
+    clipped = cutout.clip(0, 1)
+    clipped[..., :3] = np.where(cutout[..., 3:] > 0, clipped[..., :3], 1)
+    return clipped
+
+
+def _dilate(cutout: Cutout, pixels: float, _: np.random.Generator) -> Cutout:
+    """Let the mask take some background."""
+    dilated = cutout.copy()
+    dilated[..., 3] = binary_dilation(cutout[..., 3] > 0.5, iterations=round(pixels))
+    return dilated
+
+
+def _join(cutout: Cutout, fraction: float, _: np.random.Generator) -> Cutout:
+    """Join a neighbour to the object: its mirror image beside it, of which a fraction of the width is in the mask."""
+    columns = np.nonzero((cutout[..., 3] > 0.5).any(0))[0]
+    width = columns[-1] + 1 - columns[0]
+    joined = round(fraction * width)
+    neighbour = cutout[:, columns[0] : columns[-1] + 1][:, ::-1][:, :joined]
+    padded = np.pad(cutout, ((0, 0), (0, joined), (0, 0)), constant_values=1)
+    padded[:, cutout.shape[1] :, 3] = 0
+    space = padded[:, columns[-1] + 1 : columns[-1] + 1 + joined]
+    space[neighbour[..., 3] > 0.5] = neighbour[neighbour[..., 3] > 0.5]
+    margin = joined // 2  # the image stays a square around both
+    return padded[:, margin : margin + cutout.shape[1]]
+
+
+def with_focal(cut: CutOut, pixels: float) -> CutOut:
+    """Return a cut-out whose file states a focal length."""
+    return replace(cut, focal=pixels)
+
+
 STRESSORS = {
-    "none": Stressor("", (0.0,)),
-    "frontal": Stressor(
-        "degrees from the front",
-        (0.0, 180.0),
-        camera=lambda camera, level: replace(
-            camera, azimuth=FRONT_AZIMUTH + math.radians(level), elevation=math.radians(5)
-        ),
-    ),
-    "hidden": Stressor("of the object at least, at most 0.2 more", (0.2, 0.4, 0.6), _hide),
-    "cropping": Stressor("of the object", (0.1, 0.3), _crop),
-    "off-centre": Stressor("of the image", (0.1, 0.3), _shift),
-    "image size": Stressor("px", (64.0, 32.0, 16.0), _downsample),
-    "blur": Stressor("px", (1.0, 3.0), _blur),
-    "mask": Stressor("px too wide", (-4.0, -2.0, 2.0, 4.0), _corrupt_mask),
-    "no mask": Stressor("grey level", (1.0, 0.5), _remove_mask),
-    "another category": Stressor("", (0.0,), other_category=True),
-}  # by name; every object is tried with every level of each
+    "occlusion": Stressor("Hidden by something", "of the object", (0.2, 0.4, 0.6), _occlude),
+    "truncation": Stressor("Truncated by the image", "of the object", (0.1, 0.2, 0.3), _truncate),
+    "blur": Stressor("Blur", "px", (1.0, 2.0, 4.0), _blur),
+    "noise": Stressor("Noise", "of white", (0.05, 0.1, 0.2), _add_noise),
+    "exposure": Stressor("Exposure", "stops", (-2.0, -1.0, 1.0), _expose),
+    "holes": Stressor("Holes in the mask", "of the object", (0.1, 0.3), _pierce),
+    "dilated": Stressor("Mask too wide", "px", (2.0, 4.0), _dilate),
+    "legs": Stressor("Mask without legs", "of the height", (0.1, 0.2), _cut_legs),
+    "neighbour": Stressor("Neighbour in the mask", "of its width", (0.2, 0.4), _join),
+    "focal": Stressor("Focal length stated", "of the true one", (0.5, 0.75, 1.5), harmless=1.0, focal=True),
+    "stranger": Stressor("Another category", "", (1.0,), stranger=True),
+    "intruder": Stressor("Wrong photo among three", "", (1.0,), intruders=1),
+}
+"""Every object is tried with every level of each."""

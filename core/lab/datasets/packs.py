@@ -74,7 +74,7 @@ def write_pack(path: Path, category: str, objects: Iterable[PackedObject], quali
     """Write objects with square images of one size and focal length, yielding each name; the file appears at the end.
 
     Args:
-        quality: of the compressed colours, 1 to 100; masks are kept exactly.
+        quality: of the compressed colours, 1 to 100; 100 is lossless. Masks are kept exactly.
     """
     entries = list[PackEntry]()
     images = list[bytes]()
@@ -158,7 +158,7 @@ def _encode(
     tiles[: len(images), ..., 3] = 255 * masks
     sheet = tiles.reshape(rows, columns, side, side, 4).swapaxes(1, 2).reshape(rows * side, columns * side, 4)
     file = BytesIO()
-    Image.fromarray(sheet).save(file, "webp", quality=quality, method=_METHOD, exact=True)
+    Image.fromarray(sheet).save(file, "webp", quality=quality, lossless=quality == 100, method=_METHOD, exact=True)
     return file.getvalue()
 
 

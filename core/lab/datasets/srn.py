@@ -74,7 +74,6 @@ class Dataset:
     image_size: int  # px, width and height
     focal: float  # px, at image_size
     weights: tuple[float, ...] = ()  # relative frequency of each object's training rays; uniform if empty
-    sources: tuple[int, ...] = ()  # number of the dataset that each object comes from; all the same if empty
 
 
 class _Identity(NamedTuple):
@@ -151,21 +150,16 @@ def read_dataset(
         objects = tuple(pool.map(ObjectEntry.read, entries))
     _check_sizes(objects)
     camera = objects[0].cameras[0]
-    sources = _sources(entries, [Path(folder) for folder in folders])
-    weights = _weights(sources, len(folders), shares) if shares else ()
-    return Dataset(objects, category, camera.height, camera.focal, weights, sources)
+    weights = _weights(entries, [Path(folder) for folder in folders], shares) if shares else ()
+    return Dataset(objects, category, camera.height, camera.focal, weights)
 
 
-def _sources(entries: Sequence[ObjectEntry], folders: Sequence[Path]) -> tuple[int, ...]:
-    """Return the number of each object's folder."""
-    number = {folder: index for index, folder in enumerate(folders)}
-    return tuple(number[entry.folder if entry.folder in number else entry.folder.parent] for entry in entries)
-
-
-def _weights(sources: Sequence[int], folders: int, shares: Sequence[float]) -> tuple[float, ...]:
+def _weights(entries: Sequence[ObjectEntry], folders: Sequence[Path], shares: Sequence[float]) -> tuple[float, ...]:
     """Divide each folder's fraction among its objects."""
-    if len(shares) != folders or min(shares) <= 0:
-        raise ValueError(f"{folders} datasets need as many positive shares, got {list(shares)}")
+    if len(shares) != len(folders) or min(shares) <= 0:
+        raise ValueError(f"{len(folders)} datasets need as many positive shares, got {list(shares)}")
+    number = {folder: index for index, folder in enumerate(folders)}
+    sources = [number[entry.folder if entry.folder in number else entry.folder.parent] for entry in entries]
     counts = Counter(sources)
     return tuple(shares[source] / counts[source] for source in sources)
 

@@ -22,7 +22,7 @@ def hold_out(dataset: Dataset) -> tuple[Dataset, Dataset]:
     training = tuple(_selected(views, slice(None, -1)) for views in dataset.objects)
     measured = dataset.objects[:: max(1, len(dataset.objects) // _MEASURED_OBJECTS)][:_MEASURED_OBJECTS]
     held_out = tuple(_selected(views, slice(-1, None)) for views in measured)
-    return replace(dataset, objects=training), replace(dataset, objects=held_out, weights=(), sources=())
+    return replace(dataset, objects=training), replace(dataset, objects=held_out, weights=())
 
 
 def _selected(views: ObjectViews, chosen: slice) -> ObjectViews:

@@ -1,6 +1,5 @@
 """Training pixels as rays, and visual hulls that bound the object along each ray."""
 
-import copy
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import NamedTuple
@@ -85,12 +84,6 @@ class RayDataset:
             for hull, own_views in zip(self.hulls[processes.own], objects, strict=True):
                 hull.copy_(visual_hull(own_views, extent, _HULL_RESOLUTION, device))
             processes.intersect(self.hulls)
-
-    def with_own_hulls(self) -> "RayDataset":
-        """Return the same rays with hulls that another training run may prune."""
-        copied = copy.copy(self)
-        copied.hulls = self.hulls.clone()
-        return copied
 
     def sample(self, count: int, generator: torch.Generator) -> RayBatch:
         """Sample rays through random pixels; objects are chosen by the dataset's weights.

@@ -31,16 +31,6 @@ class TrainSettings:
     empty_space_weight: float = 0.5  # of the opacity outside the hulls
     mask_weight: float = 0.1  # of the squared error between opacity and mask, off the mask's border
     ema_decay: float = 0.999  # of the moving average of the weights, per step
-    code_noise: tuple[float, float] = (0.0, 0.0)
-    """standard deviation of normal noise on the codes of every ray, relative to the codes' root mean square: at the
-    start and at the end of the run, linear in between"""
-    code_bound: float | None = None
-    """largest sum of absolute weights of an output of the layers that codes enter: their Lipschitz constant in the
-    maximum norm (H.-T. D. Liu et al., "Learning Smooth Neural Functions via Lipschitz Regularization", 2022, who learn
-    the bound); None: no bound"""
-    shares: tuple[tuple[float, tuple[float, ...]], ...] = ()
-    """fractions of the rays for each dataset at moments of the run (0..1, ascending), linear in between; if empty, the
-    dataset's weights throughout"""
     seed: int = 0
 
     @property

@@ -38,8 +38,6 @@ _WEIGHT_DECAY = 1e-4  # decay of the weights per step, relative to the learning 
 _WARMUP_STEPS = 500
 _FINAL_LR = 0.01  # learning rates at the end of the schedule, relative to their peaks
 
-CodeNoise = tuple[Float[Tensor, "rays shape_latent"] | float, Float[Tensor, "rays texture_latent"] | float]
-
 
 @dataclass(frozen=True)
 class TrainStep:
@@ -61,9 +59,7 @@ class Trainer:
         settings: TrainSettings,
         device: str = "cpu",
         processes: Processes = ALONE,
-        prepared: RayDataset | None = None,
     ) -> None:
-        """Start a run; ``prepared`` are the rays of the same dataset, whose hulls training prunes."""
         self.settings = settings
         self.processes = processes
         self.dataset = replace(dataset, objects=())  # without the images, of which the rays are a copy
@@ -71,23 +67,20 @@ class Trainer:
         self.device = require_device(device)
         self.generator = torch.Generator(device).manual_seed(settings.seed)
         torch.manual_seed(settings.seed)
-        self.ray_dataset = prepared or prepare_rays(dataset, self.device, settings.whole_image, processes)
+        extent = shared_extent(dataset.objects, self.device)
+        self.ray_dataset = RayDataset(dataset, extent, self.device, settings.whole_image, processes)
         self.extent = self.ray_dataset.box
-        self._sources = torch.tensor(dataset.sources or [0] * len(dataset.objects), device=self.device)
-        _require_shares(settings, int(self._sources.max()) + 1)
         self.entries, shapes, textures = _build_entries(dataset)
         config = settings.field
         self.field = build_field(config).to(self.device)
         self.shapes = nn.Parameter(_initial_codes(shapes, config.shape_latent).to(self.device))
         self.textures = nn.Parameter(_initial_codes(textures, config.texture_latent).to(self.device))
-        self._bound_code_layers()
         self.ema_parameters = [parameter.detach().clone() for parameter in self._parameters()]
         self.optimisers, self._peak_lrs = self._build_optimisers()
         rows = torch.tensor([(entry.shape, entry.texture) for entry in self.entries], device=self.device)
         self.shape_row, self.texture_row = rows.unbind(-1)
         self.step = 0
         self.seconds = 0.0
-        self.planned_steps = settings.steps  # length of the schedule, see :meth:`reschedule`
         self._ray_loss = self._evaluate_ray_loss
         if self.device.type == "cuda":  # of several processes, each has another number of rays in every step
             self._ray_loss = torch.compile(self._evaluate_ray_loss, dynamic=processes.count > 1)
@@ -138,7 +131,7 @@ class Trainer:
 
         Raises ``ValueError`` if the loss is not finite.
         """
-        while self.step < self.planned_steps:
+        while self.step < self.settings.steps:
             began = time.perf_counter()
             if self._is_pruning_due():
                 self.ray_dataset.prune(self.field, self.field.shape_bias(self.shapes[self.shape_row]))
@@ -147,19 +140,12 @@ class Trainer:
             self.seconds += time.perf_counter() - began
             if not math.isfinite(loss):
                 raise ValueError(f"training diverged at step {self.step}: lower the learning rates")
-            yield TrainStep(self.step, self.planned_steps, loss, psnr_from_mse(error), self.seconds)
+            yield TrainStep(self.step, self.settings.steps, loss, psnr_from_mse(error), self.seconds)
 
     @property
     def progress(self) -> float:
         """Part of the schedule that is done, 0..1."""
-        return self.step / self.planned_steps
-
-    def reschedule(self, steps: int) -> None:
-        """Change the number of steps of a run, and with it the learning rates from now on.
-
-        The settings stay, as the compiled loss depends on them.
-        """
-        self.planned_steps = max(steps, self.step)
+        return self.step / self.settings.steps
 
     def model(self) -> Model:
         """Return the current model: averaged weights, codes rounded to half precision as in files."""
@@ -215,8 +201,6 @@ class Trainer:
 
     def _optimise_step(self) -> tuple[float, float]:
         """Optimise once; return loss and squared error."""
-        if self.settings.shares:
-            self.ray_dataset.weight = self._object_weights()
         batch = self.ray_dataset.sample(self.settings.rays, self.generator)
         with autocast(self.device):
             loss, error = self._loss(batch)
@@ -231,7 +215,6 @@ class Trainer:
             group["lr"] = peak * self._lr_factor(self.step)
         for optimiser in self.optimisers:
             optimiser.step()
-        self._bound_code_layers()
         decay = min(self.settings.ema_decay, (1 + self.step) / (10 + self.step))
         torch._foreach_lerp_(self.ema_parameters, [p.detach() for p in self._parameters()], 1 - decay)
         total, squared_error = losses.tolist()
@@ -246,36 +229,20 @@ class Trainer:
         rows = self.shape_row[batch.owner], self.texture_row[batch.owner]
         certain = (batch.mask_class != 1).float().sum()
         self.processes.add(certain)
-        noise = self._code_noise(batch)
-        loss, error = self._ray_loss(self._place_samples(batch, *rows, noise), batch, *rows, certain, noise)
+        loss, error = self._ray_loss(self._place_samples(batch, *rows), batch, *rows, certain)
         if settings.outside_points:
             loss = loss + settings.empty_space_weight * self._empty_space_loss()
         return loss, error
 
-    def _code_noise(self, batch: RayBatch) -> CodeNoise:
-        """Draw noise for the shape and the texture codes of rays; zeros without noise."""
-        start, end = self.settings.code_noise
-        if not (start or end):
-            return 0.0, 0.0
-        scale = start + (end - start) * self.progress
-        # All processes draw the noise of the same rays; each uses that of its own.
-        shape, texture = (self._noise_of(codes.detach(), scale)[batch.place] for codes in (self.shapes, self.textures))
-        return shape, texture
-
-    def _noise_of(self, codes: Float[Tensor, "objects latent"], scale: float) -> Float[Tensor, "rays latent"]:
-        size = self.settings.rays, codes.shape[1]
-        normal = torch.randn(size, generator=self.generator, device=self.device)
-        return scale * codes.square().mean().sqrt() * normal
-
     def _place_samples(
-        self, batch: RayBatch, shape_row: Int[Tensor, "rays"], texture_row: Int[Tensor, "rays"], noise: CodeNoise
+        self, batch: RayBatch, shape_row: Int[Tensor, "rays"], texture_row: Int[Tensor, "rays"]
     ) -> PlacedSamples:
         settings = self.settings
         coarse = None
         # M1's density depends on the direction; the paper samples the whole ray.
         if not settings.whole_image and settings.field.architecture != "M1":
             with torch.no_grad():
-                bias, _ = self.field.biases(self.shapes[shape_row] + noise[0], self.textures[texture_row] + noise[1])
+                bias, _ = self.field.biases(self.shapes[shape_row], self.textures[texture_row])
             coarse = partial(self._coarse_density, bias=bias[:, None])
         inside = partial(self.ray_dataset.inside_hull, owner=batch.owner[:, None])
         jitter = torch.rand(settings.rays, settings.samples, generator=self.generator, device=self.device)
@@ -294,13 +261,12 @@ class Trainer:
         shape_row: Int[Tensor, "rays"],
         texture_row: Int[Tensor, "rays"],
         certain_count: Float[Tensor, ""],
-        noise: CodeNoise,
     ) -> tuple[Tensor, Tensor]:
         """Return loss and squared error of rays, as fractions of the whole batch's; compiled on a graphics card."""
         settings = self.settings
         shape = functional.embedding(shape_row, self.shapes)
         texture = functional.embedding(texture_row, self.textures)
-        biases = [bias[:, None] for bias in self.field.biases(shape + noise[0], texture + noise[1])]
+        biases = [bias[:, None] for bias in self.field.biases(shape, texture)]
         direction = self.field.direction_bias(batch.rays.directions)[:, None]
         density, colours = self.field.radiance(samples.points, direction, *biases)
         weights, transmittance = compositing_weights(density.float(), samples.edges)
@@ -332,26 +298,9 @@ class Trainer:
         step = 2 * self.ray_dataset.extent.amin() / _OUTSIDE_INTERVALS
         return (-torch.expm1(-density * step) * outside[own]).sum() / count
 
-    @torch.no_grad()
-    def _bound_code_layers(self) -> None:
-        """Scale the rows of the layers that codes enter down to their bound, which their averages then keep, too."""
-        bound = self.settings.code_bound
-        if bound is None:
-            return
-        for layer in (*self.field.shape_latent, *self.field.texture_latent):
-            weight = layer.get_parameter("weight")
-            weight.mul_((bound / weight.abs().sum(1, keepdim=True)).clamp_max(1.0))
-
-    def _object_weights(self) -> Float[Tensor, "objects"]:
-        """Divide the present share of each dataset among its objects."""
-        moments, shares_at_moments = zip(*self.settings.shares, strict=True)
-        columns = zip(*shares_at_moments, strict=True)
-        shares = torch.tensor([float(np.interp(self.progress, moments, column)) for column in columns]).to(self.device)
-        return (shares / self._sources.bincount(minlength=len(shares)))[self._sources]
-
     def _is_pruning_due(self) -> bool:
         """Return True at the step that reaches a fraction of the schedule at which hulls are pruned."""
-        before = (self.step - 1) / self.planned_steps
+        before = (self.step - 1) / self.settings.steps
         reached = any(before < fraction <= self.progress for fraction in _PRUNE_AT)
         return reached and self.step >= _PRUNE_AFTER and not self.settings.whole_image
 
@@ -361,22 +310,8 @@ class Trainer:
     def _lr_factor(self, step: int) -> float:
         """Return the learning rate relative to its peak: a short linear warm-up, then a half cosine."""
         warmup = min(1.0, (step + 1) / _WARMUP_STEPS)
-        cosine = (1 + math.cos(math.pi * min(1.0, step / self.planned_steps))) / 2
+        cosine = (1 + math.cos(math.pi * min(1.0, step / self.settings.steps))) / 2
         return warmup * (_FINAL_LR + (1 - _FINAL_LR) * cosine)
-
-
-def prepare_rays(
-    dataset: Dataset, device: torch.device, whole_image: bool = False, processes: Processes = ALONE
-) -> RayDataset:
-    """Return the rays of a dataset within the box of all of its objects."""
-    return RayDataset(dataset, shared_extent(dataset.objects, device), device, whole_image, processes)
-
-
-def _require_shares(settings: TrainSettings, datasets: int) -> None:
-    """Raise ``ValueError`` unless the changing shares are of this many datasets."""
-    for _, shares in settings.shares:
-        if len(shares) != datasets or min(shares) < 0 or not sum(shares):
-            raise ValueError(f"{datasets} datasets need as many shares that are not negative, got {list(shares)}")
 
 
 def _initial_codes(count: int, latent: int) -> Float[Tensor, "count latent"]:

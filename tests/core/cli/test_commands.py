@@ -19,7 +19,6 @@ from core.cli import fit as fitting
 from core.editing.words import direction_words
 from core.fitting import fit as fits
 from core.fitting.fit import PRESETS, FitSettings, FitStep, RunnerUp
-from core.lab.benchmarks import ablations, robustness
 from core.lab.datasets.srn import read_dataset, write_manifest, write_object
 from core.models.library import load_model
 from core.models.model import Model
@@ -345,13 +344,14 @@ def test_evaluate_names_and_skips_blank_objects_and_keeps_its_scores(capsys: pyt
         ("fit a.png --preset best", "paper"),
         ("fit a.png --preset paper --estimate-focal", "focal length"),
         ("fit a.png --pose a.txt --estimate-focal", "--pose gives them"),
-        ("bench fit --dataset gone --model {file}", "no such dataset"),
+        ("bench all --dataset gone", "no such dataset"),
+        ("bench page --out gone", "no CSV file"),
+        ("bench all --quick --minutes 0 --out gone", "no CSV file"),
         ("train . --out x.safetensors", "no object folders"),
         ("train . --init {file} --width 32 --out x.safetensors", "omit --width"),
         ("dataset meshes . --out d --category chairs", "index.json"),
         ("dataset pack . --out d.zip", "must end in .views"),
         ("dataset pack gone --out d.views", "no such dataset"),
-        ("bench candidates gone --judge gone", "no such dataset"),
         ("nonsense", "nonsense"),
         ("", "COMMAND"),
     ],
@@ -394,34 +394,6 @@ def test_train_parts_adds_a_part_head(capsys):
     model = load_model("parts.safetensors")
     assert model.fingerprint == load_model("cars").fingerprint
     assert model.part_head.names == ("body", "wheels", "glass")
-
-
-def test_bench_measures_fits_and_draws_their_charts(capsys, monkeypatch):
-    tiny_model().save(Path("m.safetensors"))
-    for name, settings in PRESETS.items():
-        monkeypatch.setitem(PRESETS, name, replace(settings, hypotheses=1, steps=2, rays=16, samples=8))
-    monkeypatch.setattr(robustness, "STRESSORS", {"none": robustness.STRESSORS["none"]})
-    words = "--model m.safetensors --objects 1 --out charts"
-    run(f"bench fit {words}")
-    assert "| paper |" in capsys.readouterr().out
-    run(f"bench robustness {words}")
-    assert "| stressor | level | normal |" in capsys.readouterr().out
-    before = Path("charts/robustness.csv").read_text()
-    run(f"bench robustness {words} --stressors none")  # nothing is left to measure
-    assert Path("charts/robustness.csv").read_text() == before
-    write_object(Path("d"), views_of(tiny_model(), 0, 3))
-    run(f"bench fit {words} --dataset d")
-    assert "stool0" in Path("charts/fit.csv").read_text()
-    Path("charts/fit.png").unlink()
-    run("bench redraw --out charts")
-    assert "charts/fit.csv" in capsys.readouterr().out
-    for name, method in ablations.ABLATIONS.items():
-        monkeypatch.setitem(ablations.ABLATIONS, name, method._replace(settings=PRESETS["normal"]))
-    run(f"bench ablations {words}")
-    assert "| full |" in capsys.readouterr().out
-    assert {path.name for path in Path("charts").iterdir()} == {
-        *(f"{name}.{kind}" for name in ("ablations", "fit", "robustness") for kind in ("csv", "md", "png"))
-    }
 
 
 @pytest.fixture

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from core.cli.bench_parser import BENCHMARK_NAMES
 from core.cli.parser import build_parser
 from core.export import mesh, video
+from core.lab.benchmarks.bench import BENCHMARKS
 
 _ROOT = Path(__file__).parents[3]
 
@@ -18,7 +20,7 @@ def test_help_answers_without_torch() -> None:
     code = """
 import contextlib, sys
 from core.cli.parser import parse
-commands = "|fit|train|evaluate|bench|bench ablations|dataset|dataset meshes|turntable|mesh"
+commands = "|fit|train|evaluate|bench|bench all|dataset|dataset meshes|turntable|mesh"
 for words in commands.split("|"):
     with contextlib.suppress(SystemExit):
         parse([*words.split(), "--help"])
@@ -30,7 +32,7 @@ assert not {"torch", "numpy", "PIL"} & {*sys.modules}
     for word in (
         "--estimate-focal",
         "--init",
-        "ablations",
+        "--quick",
         "--variants",
         ".frames",
         "paper",
@@ -43,11 +45,15 @@ assert not {"torch", "numpy", "PIL"} & {*sys.modules}
 
 
 def test_a_benchmark_without_the_extra_lab_names_the_missing_package() -> None:
-    code = "import sys; sys.modules['pandas'] = None; from core.__main__ import main; main(['bench', 'redraw'])"
+    code = "import sys; sys.modules['pandas'] = None; from core.__main__ import main; main(['bench', 'page'])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert line.endswith("this command needs pandas: pip install 'codenerf-viewer[lab]'")
+
+
+def test_help_lists_every_benchmark() -> None:
+    assert tuple(BENCHMARKS) == BENCHMARK_NAMES
 
 
 def test_help_lists_every_format_that_can_be_written() -> None:

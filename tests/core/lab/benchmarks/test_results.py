@@ -6,7 +6,7 @@ from typing import NamedTuple
 import pandas as pd
 import pytest
 
-from core.lab.benchmarks.results import append_row, frame_of, keys_of, read_frame
+from core.lab.benchmarks.results import append_rows, frame_of, keys_of, read_frame
 from core.lab.evaluation.statistics import Mean
 
 
@@ -21,23 +21,23 @@ class Record:
     right: bool
     mean: Mean
     margin: float | None
-    curve: tuple[Point, ...]
+    last: Point
 
 
 RECORDS = (
-    Record("0000", True, Mean(0.1 + 0.2, -1e-300, 1 / 3), None, (Point(0.5, 1), Point(float("inf"), 2))),
-    Record('say "c", NA', False, Mean(0.0, 0.0, math.nan), 1e-9, (Point(0.0, 0), Point(-1.0, 1))),
+    Record("0000", True, Mean(0.1 + 0.2, -1e-300, 1 / 3), None, Point(float("inf"), 2)),
+    Record('say "c", NA', False, Mean(0.0, 0.0, math.nan), 1e-9, Point(-1.0, 1)),
 )
 
 
 def test_rows_are_read_as_written(tmp_path: Path) -> None:
     path = tmp_path / "r.csv"
     for record in RECORDS:
-        append_row(path, {"machine": "m", "objects": "3"}, record)
-    columns = "machine,objects,name,right,mean.mean,mean.low,mean.high,margin,curve.0.x,curve.0.y,curve.1.x,curve.1.y"
+        append_rows(path, {"commit": "1e5", "processor": "m"}, [record])
+    columns = "commit,processor,name,right,mean.mean,mean.low,mean.high,margin,last.x,last.y"
     assert path.read_text().splitlines()[0] == columns
-    frame = read_frame(path, ["name"], {"machine": "m", "objects": "3"})
-    expected = frame_of(RECORDS, {"machine": "m", "objects": "3"}).astype({"objects": int})
+    frame = read_frame(path, ["name"])
+    expected = frame_of(RECORDS, {"commit": "1e5", "processor": "m"})
     pd.testing.assert_frame_equal(frame, expected, check_exact=True, check_dtype=False)
     assert keys_of(frame, ["name", "right"]) == {(record.name, record.right) for record in RECORDS}
 
@@ -47,11 +47,9 @@ def test_empty_and_foreign_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"empty.csv: no measurements"):
         read_frame(tmp_path / "empty.csv")
     path = tmp_path / "other.csv"
-    append_row(path, {"machine": "m"}, Point(1.0, 2))
+    append_rows(path, {"machine": "m"}, [Point(1.0, 2)])
     with pytest.raises(ValueError, match=r"other.csv: column name is missing"):
         read_frame(path, ["name"])
-    with pytest.raises(ValueError, match=r"other.csv: machine 'm', and now 'n'; measure into another folder"):
-        read_frame(path, ["x"], {"machine": "n"})
     path.write_text('a,b\n1,2\n"')
     with pytest.raises(ValueError, match=r"other.csv: "):
         read_frame(path)

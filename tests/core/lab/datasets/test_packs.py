@@ -51,11 +51,10 @@ def test_antialiased_colours_beside_a_mask_are_kept(tmp_path: Path) -> None:
     assert np.abs(copied.images.astype(int) - 128).max() < 4
 
 
-def test_several_packs_have_shares_sources_and_a_scale(tmp_path: Path) -> None:
+def test_several_packs_have_shares_and_a_scale(tmp_path: Path) -> None:
     first = packed(tmp_path / "a", [smooth("a"), smooth("bb")])
     second = packed(tmp_path / "b", [smooth("ccc")])
     dataset = read_dataset([first, second], [0.6, 0.4], scale=2.0)
-    assert dataset.sources == (0, 0, 1)
     assert dataset.weights == (0.3, 0.3, 0.4)
     assert dataset.objects[0].cameras[0].distance == pytest.approx(2.6)
     with pytest.raises(ValueError, match="a: two dataset folders"):

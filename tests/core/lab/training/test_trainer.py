@@ -6,7 +6,7 @@ import torch
 from core.lab.datasets.srn import Dataset, ObjectViews
 from core.lab.training.held_out import held_out_psnr, hold_out
 from core.lab.training.recipes import RECIPES, TrainSettings
-from core.lab.training.trainer import Trainer, TrainStep, prepare_rays
+from core.lab.training.trainer import Trainer, TrainStep
 from core.models.field_config import FieldConfig
 from tests.conftest import unchecked_shapes
 from tests.core.lab.training.test_visual_hull import ball
@@ -188,61 +188,3 @@ def test_single_views_and_diverging_runs_raise_an_error(dataset: Dataset):
     with pytest.raises(ValueError, match="diverged"):
         trainer.field.point_layer.weight.data.fill_(float("nan"))
         list(trainer.steps())
-
-
-def test_noise_on_codes_makes_rays_harder_until_it_has_faded(dataset: Dataset):
-    """With learning rates of nearly 0 the network stays as it is, so only the noise changes its error."""
-    still = dataclasses.replace(SETTINGS, steps=40, muon_lr=1e-9, network_lr=1e-9, code_lr=1e-9)
-    trained = Trainer(dataset, dataclasses.replace(SETTINGS, steps=200))
-    all_steps(trained)
-    errors = []
-    for noise in ((0.0, 0.0), (3.0, 0.0)):
-        trainer = Trainer(dataset, dataclasses.replace(still, code_noise=noise))
-        trainer.initialise_from(trained.model())
-        psnrs = [step.psnr for step in all_steps(trainer)]
-        errors.append((sum(psnrs[:8]) / 8, sum(psnrs[-4:]) / 4))
-    (plain_start, plain_end), (noisy_start, noisy_end) = errors
-    assert noisy_start < plain_start - 1
-    assert noisy_end == pytest.approx(plain_end, abs=1)
-
-
-def test_layers_that_codes_enter_keep_their_bound(dataset: Dataset):
-    def largest(bound: float | None) -> float:
-        trainer = Trainer(dataset, dataclasses.replace(SETTINGS, code_bound=bound))
-        all_steps(trainer)
-        field = trainer.model().field
-        layers = *field.shape_latent, *field.texture_latent
-        return max(float(layer.weight.abs().sum(1).max()) for layer in layers)
-
-    assert largest(None) > 1.5
-    assert largest(1.5) == pytest.approx(1.5, abs=1e-4)
-
-
-def test_shares_of_datasets_change_over_the_run(dataset: Dataset):
-    pair = dataclasses.replace(dataset, sources=(0, 1))
-    shares = (0.0, (1.0, 0.0)), (0.5, (1.0, 0.0)), (1.0, (0.0, 1.0))
-    trainer = Trainer(pair, dataclasses.replace(SETTINGS, steps=8, shares=shares))
-    weights = [trainer.ray_dataset.weight.tolist() for _ in trainer.steps()]
-    assert weights == [[1.0, 0.0]] * 5 + [[0.75, 0.25], [0.5, 0.5], [0.25, 0.75]]
-    for wrong in ((1.0,), (1.0, -1.0), (0.0, 0.0)):
-        with pytest.raises(ValueError, match="2 datasets need as many shares"):
-            Trainer(pair, dataclasses.replace(SETTINGS, shares=((0.0, wrong),)))
-
-
-def test_a_run_can_be_rescheduled(dataset: Dataset):
-    trainer = Trainer(dataset, dataclasses.replace(SETTINGS, steps=1000))
-    counted = 0
-    for step in trainer.steps():
-        counted += 1
-        if step.step == 5:
-            trainer.reschedule(9)
-    assert counted == 9
-
-
-def test_runs_on_the_same_rays_prune_their_own_hulls(dataset: Dataset):
-    rays = prepare_rays(dataset, torch.device("cpu"))
-    trainer = Trainer(dataset, SETTINGS, prepared=rays.with_own_hulls())
-    trainer.ray_dataset.hulls.zero_()
-    assert rays.hulls.any()
-    assert trainer.ray_dataset.pixel is rays.pixel
-    assert trainer.extent == Trainer(dataset, SETTINGS).extent

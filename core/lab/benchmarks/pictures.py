@@ -1,0 +1,75 @@
+"""Pictures of the benchmarks: objects that exchange shapes and textures, and a fit that is wrong and sure."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from jaxtyping import UInt8
+from PIL import Image
+
+from core.detail.progressive import render_frame
+from core.fitting.fit import PRESETS, FitJob, fit
+from core.geometry.camera import Camera
+from core.geometry.pixels import to_bytes
+from core.lab.benchmarks.fits import DEFAULT
+from core.lab.benchmarks.held_out_views import HeldOutView, held_out_view
+from core.lab.benchmarks.stability import corrupted_photos
+from core.lab.benchmarks.stressors import STRESSORS
+from core.lab.datasets.splits import evenly_spaced
+from core.lab.datasets.srn import index_objects
+from core.models.model import Instance
+
+EXCHANGE, FAILURE = "exchange.png", "failure.png"
+_SIDE = 160  # px of an image
+_OBJECTS = 4  # of each category that exchange textures
+_AZIMUTH, _ELEVATION = 0.9, 0.35  # rad
+
+
+def draw_exchange(datasets: tuple[Path, ...], out: Path) -> None:
+    """Draw every shape (a row) in every texture (a column) of a few objects, the categories side by side."""
+    blocks = []
+    for folder in datasets:
+        category, entries = index_objects([folder])
+        views = [held_out_view(datasets, category, entry.name, 0) for entry in evenly_spaced(entries, _OBJECTS)]
+        camera = views[0].model.camera(_AZIMUTH, _ELEVATION)
+        instances = [view.instance for view in views]
+        rows = [[_image(shape.with_texture(texture), camera) for texture in instances] for shape in instances]
+        blocks.append(_grid(rows))
+    height = min(len(block) for block in blocks)
+    Image.fromarray(np.concatenate([block[:height] for block in blocks], 1)).save(out / EXCHANGE)
+
+
+def draw_failure(datasets: tuple[Path, ...], trials: pd.DataFrame, out: Path) -> None:
+    """Draw the surest wrong fit of each category: its photo, the fit from there, another true view, the fit from there.
+
+    Draws nothing where no fit of a photo is wrong.
+    """
+    ours = trials[~trials.right & (trials.method == DEFAULT) & trials.rotation.notna()]
+    surest = ours.sort_values("confidence", ascending=False).drop_duplicates("category")
+    rows = []
+    for trial in surest.itertuples():
+        view = held_out_view(datasets, str(trial.category), str(trial.name), int(trial.number))
+        photos = corrupted_photos(view, STRESSORS[str(trial.stressor)], float(trial.level))
+        *_, last = fit(view.model, FitJob(photos, PRESETS[DEFAULT], view.seed))
+        rows.append(_failure(view, to_bytes(photos[0].pixels), last.instance.with_detail(None), last.cameras[0]))
+    if rows:
+        Image.fromarray(_grid(rows)).save(out / FAILURE)
+
+
+def _failure(
+    view: HeldOutView, photo: UInt8[np.ndarray, "height width 3"], instance: Instance, camera: Camera
+) -> list[UInt8[np.ndarray, "side side 3"]]:
+    index = view.order[-1]
+    truth = Image.fromarray(view.views.images[index])
+    pictures = [Image.fromarray(photo), truth]
+    resized = [np.asarray(picture.resize((_SIDE, _SIDE), Image.Resampling.BICUBIC)) for picture in pictures]
+    return [resized[0], _image(instance, camera), resized[1], _image(instance, view.views.cameras[index])]
+
+
+def _image(instance: Instance, camera: Camera) -> UInt8[np.ndarray, "side side 3"]:
+    return render_frame(instance, camera.resized(_SIDE, _SIDE)).image
+
+
+def _grid(rows: Sequence[Sequence[UInt8[np.ndarray, "side side 3"]]]) -> UInt8[np.ndarray, "height width 3"]:
+    return np.concatenate([np.concatenate(row, 1) for row in rows])

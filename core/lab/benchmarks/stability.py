@@ -1,0 +1,111 @@
+"""Failures of fits: input that is wrong in one way at a time, and the confidence that the program states.
+
+A corrupted image enters a fit as a user's photo does: it is cut out by its alpha channel and cropped.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from PIL import Image
+
+from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
+from core.fitting.fit import PRESETS, FitJob, FitStep
+from core.fitting.paper import fit_as_set
+from core.geometry.pixels import to_bytes
+from core.lab.benchmarks.fits import camera_error
+from core.lab.benchmarks.held_out_views import SCORED_VIEWS, HeldOutView
+from core.lab.benchmarks.stressors import STRESSORS, Cutout, Stressor, with_focal
+from core.lab.datasets.srn import ObjectViews
+from core.photos.photo import Photo, prepare_photo
+from core.photos.segmentation import cut_out
+
+METHODS = ("normal", "paper")  # presets
+_REFUSED = "refused"
+
+
+@dataclass(frozen=True)
+class StabilityTrial:
+    """A fit of corrupted input."""
+
+    category: str
+    name: str  # of the object
+    number: int  # of the random order of its views
+    case: str
+    stressor: str
+    level: float
+    method: str
+    n: int = SCORED_VIEWS  # other views that score the fit
+    rotation: float | None = None  # degrees, mean over the object's photos; None if nothing was fitted
+    right: bool = False  # cameras within 10 degrees; of a stranger: refused or doubted
+    novel: float | None = None  # dB, of other views
+    confidence: float | None = None
+    doubted: bool = False  # refused, or of a confidence below one half
+    outcome: str = ""  # reason of a refusal
+
+
+def cases(quick: bool) -> tuple[str, ...]:
+    """Return the names of the cases: every level by every method; quickly, the last level by the default alone."""
+    return tuple(
+        f"{name} {level:g}, {method}"
+        for name, stressor in STRESSORS.items()
+        for level in (stressor.levels[-1:] if quick else stressor.levels)
+        for method in METHODS[: 1 if quick or stressor.stranger or stressor.intruders else None]
+    )
+
+
+def measure(view: HeldOutView, case: str) -> tuple[StabilityTrial, ...]:
+    """Fit the corrupted photo of a view by a method; return nothing without the other object that a case needs."""
+    words, method = case.split(", ")
+    name, level = words.split()
+    stressor = STRESSORS[name]
+    category = view.model.category
+    trial = StabilityTrial(category, view.views.name, view.number, case, name, float(level), method)
+    if (stressor.stranger and not view.stranger) or (stressor.intruders and not view.partner):
+        return ()
+    try:
+        photos = corrupted_photos(view, stressor, trial.level)
+        *_, last = fit_as_set(view.model, FitJob(photos, PRESETS[method], view.seed))
+    except ValueError as error:
+        return (replace(trial, doubted=True, right=stressor.stranger, outcome=f"{_REFUSED}: {error}"),)
+    return (_judge(view, stressor, last, trial),)
+
+
+def _judge(view: HeldOutView, stressor: Stressor, last: FitStep, trial: StabilityTrial) -> StabilityTrial:
+    doubted = last.confidence is not None and last.confidence < DOUBTFUL
+    trial = replace(trial, confidence=last.confidence, doubted=doubted)
+    if stressor.stranger:
+        return replace(trial, right=doubted)
+    truth = view.cameras(len(last.cameras) - stressor.intruders)
+    errors = [camera_error(view, *pair) for pair in zip(last.cameras, truth, strict=False)]
+    right = max(errors) <= RIGHT_DEGREES
+    return replace(trial, rotation=float(np.mean(errors)), right=right, novel=view.score(last.instance).psnr)
+
+
+def corrupted_photos(view: HeldOutView, stressor: Stressor, level: float) -> tuple[Photo, ...]:
+    """Return the photos of a fit. Raises ``ValueError`` if nothing of the object is left."""
+    index = view.order[0]
+    if stressor.intruders:
+        assert view.partner
+        return *view.photos(3 - stressor.intruders, False), _photo(view, _cutout(view.partner, view.order[2]))
+    views = view.stranger if stressor.stranger else view.views
+    assert views
+    generator = np.random.default_rng(view.seed)
+    corrupted = stressor.corrupt(_cutout(views, index), level, generator)
+    return (_photo(view, corrupted, level * views.cameras[index].focal if stressor.focal else None),)
+
+
+def _cutout(views: ObjectViews, index: int) -> Cutout:
+    index %= len(views.cameras)
+    image = views.images[index].astype(np.float32) / 255
+    return np.concatenate((image, views.masks[index][..., None]), -1).astype(np.float32)
+
+
+def _photo(view: HeldOutView, cutout: Cutout, focal: float | None = None) -> Photo:
+    cut = cut_out(Image.fromarray(to_bytes(cutout)).convert("RGBA"))
+    return prepare_photo(with_focal(cut, focal) if focal else cut, view.model)
+
+
+def wrong_and_sure(trials: pd.DataFrame, threshold: float) -> pd.Series:
+    """Mark wrong results whose confidence reaches a threshold."""
+    return ~trials.right & (trials.confidence.fillna(0.0) >= threshold)

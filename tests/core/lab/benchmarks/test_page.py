@@ -1,0 +1,50 @@
+import pandas as pd
+import pytest
+
+from core.lab.benchmarks.fits import CASES, SPEED
+from core.lab.benchmarks.held_out_views import BENCHMARK
+from core.lab.benchmarks.page import BLOCKS, PAGE, fill, read_frames
+
+CHARTS_FOLDER = BENCHMARK.parent / "charts"
+MOST_LINES = 120
+
+
+def test_the_page_is_short_and_has_every_block() -> None:
+    page = (CHARTS_FOLDER / PAGE).read_text(encoding="utf-8")
+    assert fill(page, {}) == page
+    assert all(f"<!-- {name} -->" in page for name in BLOCKS)
+    assert len(page.splitlines()) <= MOST_LINES
+
+
+def test_a_part_that_is_missing_leaves_its_blocks_empty() -> None:
+    page = "<!-- speed_table -->\nold\n<!-- end -->\n**Frames.** <!-- frames -->old<!-- end -->"
+    assert fill(page, {}) == page.replace("old", "Not measured yet.")
+    with pytest.raises(ValueError, match="no block 'unknown'"):
+        fill("<!-- unknown -->\n<!-- end -->", {})
+    with pytest.raises(ValueError, match="no CSV file of a benchmark"):
+        read_frames(BENCHMARK)
+
+
+def test_the_worth_of_a_part_is_paired() -> None:
+    """A hard object that one method alone was tried on does not count."""
+    rows = [("a", "normal", 20.0), ("b", "normal", 30.0), ("a", "without restart", 21.0)]
+    frame = pd.DataFrame(
+        [
+            {
+                "category": "chairs",
+                "name": name,
+                "number": 0,
+                "case": case,
+                "novel.psnr": psnr,
+                "right": 1.0,
+                "seconds": 1.0,
+            }
+            for name, case, psnr in rows
+        ]
+    )
+    table = fill("<!-- parts_table -->\n<!-- end -->", {"fits": frame})
+    assert "| without restart | 1 | +1.00 (+1.00 to +1.00) | +0 | 1.00 |" in table
+
+
+def test_every_case_of_speed_is_measured() -> None:
+    assert set(SPEED) < set(CASES)
