@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from core.export.films import turntable
 from core.export.framing import filling_frame
-from core.export.keyframes import turntable
 from core.export.mesh import MeshSettings, export_mesh
 from core.export.page import first_camera, write_page
 from core.export.video import write_video
