@@ -224,10 +224,8 @@ def _parts_table(frames: Frames) -> str:
     """Compare fits without a component with the default on the same views."""
     trials = frames["fits"]
     key = ["category", "name", "number"]
-    full = trials[trials.case == DEFAULT].set_index(key)
-    groups = [
-        (name, trials[trials.case == name].set_index(key).join(full, rsuffix=" full", how="inner")) for name in WITHOUT
-    ]
+    full = trials[trials.case == DEFAULT]
+    groups = [(name, trials[trials.case == name].merge(full, on=key, suffixes=("", " full"))) for name in WITHOUT]
     columns: dict[str, _Cell] = {
         "other views (dB)": lambda both: format_difference(mean_of(both["novel.psnr"] - both["novel.psnr full"])),
         "cameras": lambda both: f"{(both.right - both['right full']).sum():+.0f}",
