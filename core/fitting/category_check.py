@@ -18,8 +18,14 @@ _CLEAR = 0.9  # one category's fraction of the probability of all, above which n
 
 
 def category_likelihood(category: str, photos: Sequence[Photo]) -> float:
-    """Return the probability that all photos show the category, 0..1; a photo of unknown category counts as 1."""
-    return prod(photo.categories.get(category, 1.0) for photo in photos)
+    """Return the probability, 0..1, that the object of the photos is of the category; 1 if no photo tells.
+
+    Each photo is evidence of its own, so that eight photos of probability 0.8 make it nearly certain.
+    """
+    shares = [photo.categories[category] for photo in photos if category in photo.categories]
+    shown = prod(shares)
+    not_shown = prod(1 - share for share in shares)
+    return shown / (shown + not_shown) if shares and shown else shown
 
 
 def likeliest_category(guess: Mapping[str, float]) -> str | None:

@@ -17,7 +17,7 @@ def test_samples_are_recognised(category: str):
     for path in sample_images(category):
         guess = cut_out(read_rgba(path)).categories
         assert likeliest_category(guess) == category
-        assert category_likelihood(category, (photo_of(guess),)) == guess[category]
+        assert category_likelihood(category, (photo_of(guess),)) == pytest.approx(guess[category])
         assert describe_category(guess, category) == ""
 
 
@@ -31,3 +31,10 @@ def test_other_categories_and_unknown_objects_are_described():
     assert describe_category({"cars": 0.2}, "stools") == ""
     assert likeliest_category({}) is None
     assert category_likelihood("stools", (photo_of({}),)) == 1
+
+
+@pytest.mark.parametrize(
+    ("share", "least", "most"), [(0.8, 0.99, 1.0), (0.5, 0.5, 0.5), (0.2, 0.0, 0.01), (0.0, 0.0, 0.0)]
+)
+def test_photos_of_one_object_are_evidence_each(share: float, least: float, most: float) -> None:
+    assert least <= category_likelihood("cars", [photo_of({"cars": share})] * 8) <= most
