@@ -35,6 +35,8 @@ def with_photo_detail(photos: Sequence[Photo], step: FitStep) -> FitStep:
 def detailed_instance(photos: Sequence[Photo], hypothesis: Hypothesis, left_out: Sequence[int] = ()) -> Instance:
     """Return the instance of a hypothesis with photo detail from the first :data:`MAX_PHOTOS` photos.
 
+    Only a single photo's mask bounds the object: each of several cuts off what the errors of the others' cameras move.
+
     Args:
         left_out: numbers of photos that are skipped.
     """
@@ -45,6 +47,8 @@ def detailed_instance(photos: Sequence[Photo], hypothesis: Hypothesis, left_out:
         photo_view(plain.model, photo, camera, None if photo.camera else transform, plain)
         for photo, camera, transform in included[:MAX_PHOTOS]
     )
+    if len(included) > 1:
+        views = tuple(replace(view, outline_margin=None) for view in views)
     return plain.with_detail(PhotoDetail.of(views, plain.codes))
 
 

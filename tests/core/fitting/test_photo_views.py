@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import torch
 
-from core.fitting.hypotheses import Parameters, image_points
-from core.fitting.photo_views import photo_view
+from core.fitting.hypotheses import Hypothesis, Parameters, image_points
+from core.fitting.photo_views import detailed_instance, photo_view
 from core.geometry.camera import pixel_centres
 from core.models.model import Model
 from core.models.photo_detail import BACKGROUND, compressed
@@ -92,3 +92,13 @@ def test_pixels_beyond_a_truncating_edge_are_doubtful(model: Model) -> None:
     opacity = view.pixels()[..., 3] / 255
     assert ((opacity > BACKGROUND) & (opacity < 0.5)).sum() == opacity.shape[0] * (opacity.shape[1] // 2)
     assert view.outline_margin == pytest.approx((0.2 / 128 * size + 0.5) / model.focal)
+
+
+def test_only_a_single_photo_bounds_the_object(model: Model) -> None:
+    photo = replace(dot_at(20.0, 20.0, model.image_size), mask_confidence=1.0)
+    cameras = (model.camera(0.0, 0.0), model.camera(1.0, 0.0))
+    for count, left_out, bounds in ((1, (), [True]), (2, (), [False, False]), (2, (1,), [True])):
+        hypothesis = Hypothesis(0, 1.0, cameras[:count], model.mean, torch.zeros(count, 4))
+        detail = detailed_instance((photo,) * count, hypothesis, left_out).detail
+        assert detail is not None
+        assert [view.outline_margin is not None for view in detail.views] == bounds
