@@ -101,9 +101,9 @@ class Session:
         self.names = Names(self.editor, self.words)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options, self._photo_copies)
         self.segmenting = Segmenting(jobs, self.fitting.fit)
-        self.painting = Painting(jobs, self.editor, self.viewport)
         self.sizing = Sizing(jobs, self.editor)
         self.reshaping = Reshaping(jobs, self.editor, self.viewport, self.sizing)
+        self.painting = Painting(jobs, self.editor, self.viewport, self.reshaping)
         self.exporting = Exporting(jobs, self.editor, self.names)
 
     def start(self) -> None:

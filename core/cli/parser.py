@@ -86,7 +86,7 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
         type=paints,
         default=(),
         metavar="[PART=]#rrggbb,…",
-        help="colour the body of a car, the fabric or wood of a chair, or another part; photo detail stays",
+        help="colour a part, such as the fabric or wood of a chair (default: the largest); photo detail stays",
     )
     command.add_argument(
         "--size-cm",

@@ -1,4 +1,4 @@
-"""Lettering in a photo, which is unreadable on the mirrored side.
+"""Lettering in a photo, which is unreadable on the mirrored side, and lamps, which take no paint.
 
 Lettering has thin strokes in more than one direction, unlike door gaps and trim, several of them in a row, unlike
 handles, and paint of one colour between them, unlike lamps.
@@ -12,8 +12,16 @@ from torch.nn import functional
 
 from core.detail.filters import blurred, continued, enlarged, resized
 from core.detail.lookup import smooth_step
+from core.geometry.pixels import lightness
 
 _SIDE = 512  # px, longer side of the photo that is searched; lengths in px refer to it
+_FLANK = 0.6, 0.8  # cosine of the normal with the car's sideways axis: lettering ahead and behind has no mirror image
+_WHEEL = (5.0, 0.15, 0.05)
+_PANE = (2.0, 0.6, 0.9)
+"""Distance from wheels and panes at which lettering begins: px of a blur, blurred share for none and for all."""
+_END = 0.4, 0.6  # cosine of the normal with the car's long axis: lamps, grille and plate are ahead and behind
+_ROUGH = 0.03, 0.05  # contrast of plain paint, and of lamps, in the calmest of the windows around a pixel
+_ROUGH_WINDOW = 1.0, 5  # px, standard deviation and reach of these windows
 _STROKE = 7  # px, width of the widest thin stroke
 _WINDOW = 7.0  # px, standard deviation of the window in which strokes count together
 _THIN = 0.055, 0.042  # contrast per px across strokes in two directions, amid lettering and at its ends
@@ -23,6 +31,39 @@ _CONTRAST = 0.25  # difference from the colour between strokes, of a stroke that
 _IN_A_ROW = 4  # strokes that most rows of pixels cross: "TAXI" has six
 _ROWS = 0.7  # quantile over the rows of pixels
 _EVEN, _SOFT = 5.0, 1.0  # px of the map, standard deviations: of the paint in place of lettering, and of its edge
+
+
+def flanks(
+    parts: dict[str, Float[Tensor, "h w"]], normals: Float[Tensor, "h w 3"], weight: Float[Tensor, "h w"]
+) -> Float[Tensor, "h w"]:
+    """Return the places that can have lettering, 0..1: paint of a car's sides, away from wheels and panes.
+
+    Other objects have none: a chair's slats look like letters.
+    """
+    if not {"wheels", "glass"} <= set(parts):
+        return torch.zeros_like(weight)
+    wheels = parts["wheels"]
+    glass = parts["glass"]
+    body = 1 - wheels - glass
+    wheel_blur, *wheel_ends = _WHEEL
+    pane_blur, *pane_ends = _PANE
+    beside_wheels = smooth_step(blurred(wheels[None], wheel_blur)[0], *wheel_ends)
+    beside_panes = smooth_step(blurred(body[None], pane_blur)[0], *pane_ends)
+    return (weight > 0) * body * (beside_wheels * beside_panes) * smooth_step(normals[..., 0].abs(), *_FLANK)
+
+
+def with_lamps(
+    parts: dict[str, Float[Tensor, "h w"]], photo: Float[Tensor, "3 h w"], normals: Float[Tensor, "h w 3"]
+) -> dict[str, Float[Tensor, "h w"]]:
+    """Return the probabilities of parts with those of a car's lamps, grille and plate: rough places at its ends."""
+    if "glass" not in parts:
+        return parts
+    light = lightness(photo)[None]
+    deviation, reach = _ROUGH_WINDOW
+    variance = blurred(light**2, deviation) - blurred(light, deviation) ** 2
+    calmest = -functional.max_pool2d(-variance.clamp_min(0).sqrt(), reach, 1, reach // 2)[0]
+    lamps = smooth_step(calmest, *_ROUGH) * smooth_step(normals[..., 1].abs(), *_END) * (1 - parts["glass"])
+    return {name: part * (1 - lamps) for name, part in parts.items()} | {"lamps": lamps}
 
 
 def lettering(
@@ -37,7 +78,7 @@ def lettering(
     size = [max(_STROKE, round(_SIDE * side / max(photo.shape[1:]))) for side in photo.shape[1:]]
     image = functional.interpolate(photo[None], size, mode="bilinear", antialias=True)[0]
     allowed = enlarged(flank[None], image)
-    paint = enlarged(paint, image)
+    paint = enlarged(blurred(paint, _PANE[0]), image)
     closing = -_largest(-_largest(image))
     opening = _largest(-_largest(-image))
     calm = allowed * smooth_step((closing - opening).amax(0), *_CALM)

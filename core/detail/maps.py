@@ -18,15 +18,16 @@ from torch.nn import functional
 
 from core.detail.borrowed import BorrowedEnd, borrowed_ends
 from core.detail.filters import blurred, continued, distance, enlarged, levels, resized
-from core.detail.lettering import lettering, without_lettering
+from core.detail.lettering import flanks, lettering, with_lamps, without_lettering
 from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
-from core.detail.repaint import chroma, colour_match, light_share, moved_paint, repainted, same_hue
+from core.detail.mixture import PhotoPaints, photo_paints
+from core.detail.repaint import colour_match, moved_paint, repainted
 from core.detail.surface import SOLID, SurfaceTexels, surface_colours, surface_normals, surface_texels
-from core.edits.edit import Colour
+from core.edits.paint import MATERIALS, UNPAINTED, PartPaint
 from core.geometry.camera import Camera
 from core.geometry.pixels import lightness
 from core.geometry.rays import camera_rays
-from core.models.model import Instance, Model
+from core.models.model import Instance
 from core.models.motion import edits_to_fitted
 from core.models.photo_detail import PhotoView
 from core.rendering.images import render_steps
@@ -42,31 +43,9 @@ _REACH = 8.0  # px beyond the photo's mask up to which its colours are extrapola
 _DEEP = 200  # outlines are noisy: colours are extrapolated from side/200 inside, or from the middle of thin parts
 _LEAP = 0.02  # scene units of the second difference of depth at an edge of a nearer surface; slopes have none
 _DISAGREEMENT = 4.0  # px by which outlines differ at most (2 at the size of the training images)
-UNPAINTED = "wheels", "glass"
-_PAINTED = 0.35, 0.6  # change of the render, relative to the main paint's: no paint below, only paint above
-_OTHER = 4.0, 2.0  # the same of another material, such as the wood of a chair, and of the main paint
-_UNCHANGED = 0.05  # change of the main paint below which there is hardly any
-_ROUGH = 7.0  # change taken off for contrast of 1 in the photo: lamps and grilles change like paint
-_CALM = 0.055, 0.035  # contrast of lamps and grilles, and of plain paint
-_WINDOW = 1.0, 5  # px, standard deviation and reach of the windows in which contrast is measured
-_VIVID = 0.15, 0.35  # chroma over lightness: greys stay below the first; no tyre or pane reaches the second
-_LIT = 0.15, 0.35  # lightness over a vivid paint's; darker is a gap of any hue
-_GREY_LIT = 0.35, 0.6  # the same for white and grey paint, which trim and grilles share
-_FRAME = 0.5, 0.7  # lightness over the paint's, of window frames: panes are darker
-_BESIDE = 4.0  # px, standard deviation: distance of a window's frame from the body
-_AROUND = 8.0, 0.05, 0.2  # px, and the share of the main paint within it from which there is no other paint
 _UPWARD = 0.6, 0.85  # cosine of the normal with the vertical
 _DARKER = 0.12, 0.3  # how much darker a photo is than the render on a roof: reflections, and glass
-_FLANK = 0.6, 0.8  # cosine of the normal with the car's sideways axis: lettering ahead and behind has no mirror image
-_WHEEL = (5.0, 0.15, 0.05)
-_PANE = (2.0, 0.6, 0.9)
-"""Distance from wheels and panes at which lettering begins: px of a blur, blurred share for none and for all."""
-_TRUSTED, _EVEN_PAINT = 0.05, 0.8  # weight, and similarity to the main paint, of paint that replaces lettering
-
-
-def covers_parts(model: Model) -> bool:
-    """Return whether paint covers a part completely: a chair's, but not a car's body, which has lamps and lettering."""
-    return model.part_head is not None and not set(UNPAINTED) <= set(model.part_head.names)
+_TRUSTED = 0.05  # weight of paint that replaces lettering
 
 
 def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
@@ -128,9 +107,7 @@ class ComparedPhoto:
     render: Float[Tensor, "3 h w"]  # the surface's colours, extrapolated likewise
     weight: Float[Tensor, "h w"]  # 0..1, reliability of the photo's colours
     near: Float[Tensor, "h w"]  # 0..1, zero far beyond the photo's outline
-    body: Float[Tensor, "h w"]  # 0..1, zero on wheels and panes
-    rough: Float[Tensor, "h w"]  # contrast of the photo's lightness, 0..1
-    alike: Float[Tensor, "h w"]  # 0..1, similarity to the main paint
+    paints: PhotoPaints
     lettering: Float[Tensor, "h w"]  # 1 where a mirror image would be unreadable, else 0
     surface: Float[Tensor, "4 h w"]  # as :attr:`core.detail.lookup.PhotoMaps.surface`
     texels: SurfaceTexels
@@ -149,50 +126,38 @@ class ComparedPhoto:
         return self.texels.colours(textured) - self.texels.colours(self.fitted)
 
     def painted(self, textured: Instance) -> Float[Tensor, "3 height width"]:
-        """Return the photo in the texture and the paints of another object.
+        """Return the photo in the texture and the edits of the texture of another object.
 
-        Paints cover a part of a chair as in the render; a car's body has lettering, lamps and a grille.
+        The paint of a part changes like the mean of the render there; everything else keeps the photo's colour.
         """
-        paints = textured.codes.edits_of("texture") if covers_parts(textured.model) else ()
-        change = self.change(textured.unpainted if paints else textured)
-        photo = self.repainted(change) if change.any() else self.photo
-        colours = below = photo.movedim(0, -1)
-        for paint, place in zip(paints, self.texels.memberships(textured) if paints else (), strict=True):
-            below = paint.in_photo(self._matched).over(colours, below, enlarged(place[None], photo)[0])
-        return below.movedim(-1, 0)
+        change = self.change(textured.unpainted)
+        photo = self.photo
+        shares = dict(zip(self.paints.names, self.paints.shares.float(), strict=True))
+        colours = dict(zip(self.paints.names, self.paints.colours, strict=True))
+        for name in colours if change.any() else ():
+            weight = resized(shares[name][None], self.weight)[0] * self.weight
+            weight = weight / weight.sum().clamp_min(1e-6)
+            before, moved = ((weight * image).sum((1, 2)) for image in (self.render, change))
+            colour = colours[name]
+            moved = moved_paint(moved, colour - before)
+            colours[name] = colour + moved
+            if name not in (*UNPAINTED, *MATERIALS):
+                repaint = repainted(self.photo, colour[:, None, None], moved[:, None, None])
+                photo = photo + shares[name] * (repaint - self.photo)
 
-    def _matched(self, before: Colour, colour: Colour) -> tuple[Colour, Colour]:
-        """Return a colour of the render, and one that takes its place, as the photo shows them."""
-        offset = self.match.change(before)
-        matched = before + offset
-        return matched, matched + moved_paint(colour - before, offset)
-
-    def repainted(self, change: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 height width"]:
-        """Return the photo repainted, given the change of the render.
-
-        Paint is where that changes like the main paint and the photo is calm, unlike in lamps and a grille, and where
-        the photo has the main paint's colour. Around such places it changes evenly: a texture is never quite even.
-        """
-        offset = self.match.change(self.render.movedim(0, -1)).movedim(-1, 0)
-        certain = self.alike * self.weight
-        photo, render, even = (
-            (certain * image).sum((1, 2), keepdim=True) / certain.sum().clamp_min(1e-6)
-            for image in (resized(self.photo, certain), self.render, change)
-        )
-        reach, least, enough = _AROUND
-        strength = change.abs().amax(0) / even.abs().amax().clamp_min(_UNCHANGED)
-        main = smooth_step(blurred(certain[None], reach), least, enough) * smooth_step(strength, *_OTHER)
-        paint = torch.lerp(self.render + offset, photo, main)
-        moved = torch.lerp(moved_paint(change, offset), moved_paint(even, photo - render), main)
-        painted = self.body * smooth_step(strength - _ROUGH * self.rough, *_PAINTED)
-        painted = torch.maximum(painted, self.alike)
-        colour, moved, painted = enlarged(torch.cat((paint, moved, painted[None])), self.photo).split((3, 3, 1))
-        return repainted(self.photo, colour, moved, painted[0])
+        below = photo
+        for paint in textured.codes.of_kind(PartPaint):
+            before, colour = (torch.tensor(values) for values in (paint.before, paint.colour))
+            present = colours.get(paint.part, before)
+            moved = moved_paint(colour - before, present - before)
+            painted = repainted(photo, present[:, None, None], moved[:, None, None]).clamp(0, 1)
+            below = torch.lerp(below, painted, paint.share * paint.membership_in_photo(shares))
+        return below
 
     @property
     def size(self) -> int:
         """bytes"""
-        maps = (value for value in vars(self).values() if isinstance(value, Tensor))
+        maps = (value for value in (*vars(self).values(), *self.paints) if isinstance(value, Tensor))
         return sum(image.nbytes for image in maps) + self.texels.size
 
 
@@ -222,30 +187,11 @@ def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, Co
         match = colour_match(render.flatten(1), small.flatten(1), weight.flatten())
         roof = smooth_step(normals[..., 2], *_UPWARD) * (1 - parts.get("glass", torch.ones_like(mask)))
         weight = weight * _without_glass_above(small, render, roof)
-        body, rough, alike = _paint_places(small, parts, weight)
-        main = blurred(continued(small, (alike > 0.5) & (weight > _TRUSTED)), _PANE[0])
-        letters = lettering(photo, main, _flank(parts, normals, weight))
-    return ComparedPhoto(
-        camera, fitted, photo, render, weight, near, body, rough, alike, letters, surface, texels, match
-    )
-
-
-def _flank(
-    parts: dict[str, Float[Tensor, "h w"]], normals: Float[Tensor, "h w 3"], weight: Float[Tensor, "h w"]
-) -> Float[Tensor, "h w"]:
-    """Return the places that can have lettering, 0..1: paint of a car's sides, away from wheels and panes.
-
-    Other objects have none: a chair's slats look like letters.
-    """
-    if not set(UNPAINTED) <= set(parts):
-        return torch.zeros_like(weight)
-    wheels, glass = (parts[name] for name in UNPAINTED)
-    body = 1 - wheels - glass
-    wheel_blur, *wheel_ends = _WHEEL
-    pane_blur, *pane_ends = _PANE
-    beside_wheels = smooth_step(blurred(wheels[None], wheel_blur)[0], *wheel_ends)
-    beside_panes = smooth_step(blurred(body[None], pane_blur)[0], *pane_ends)
-    return (weight > 0) * body * (beside_wheels * beside_panes) * smooth_step(normals[..., 0].abs(), *_FLANK)
+        everywhere = {name: continued(part[None], texels.pixel)[0] for name, part in parts.items()}
+        paints = photo_paints(photo, with_lamps(everywhere, small, normals), weight)
+        body = paints.on_body(weight) & (weight > _TRUSTED)
+        letters = lettering(photo, continued(small, body), flanks(parts, normals, weight))
+    return ComparedPhoto(camera, fitted, photo, render, weight, near, paints, letters, surface, texels, match)
 
 
 def _without_glass_above(
@@ -253,39 +199,6 @@ def _without_glass_above(
 ) -> Float[Tensor, "h w"]:
     """Return 0 where the photo is darker than a roof or bonnet: glass, displaced by a small error of shape."""
     return 1 - roof * smooth_step(lightness(render) - lightness(photo), *_DARKER)
-
-
-def _paint_places(
-    photo: Float[Tensor, "3 h w"], parts: dict[str, Float[Tensor, "h w"]], weight: Float[Tensor, "h w"]
-) -> tuple[Float[Tensor, "h w"], Float[Tensor, "h w"], Float[Tensor, "h w"]]:
-    """Return :attr:`ComparedPhoto.body`, ``rough`` and ``alike``.
-
-    The main paint is the median colour of the body's calm places. A vivid one counts on any part, white or
-    grey on calm places of the body and on window frames.
-    """
-    rough = _roughness(photo)
-    body = 1 - sum((parts[name] for name in UNPAINTED if name in parts), torch.zeros_like(rough))
-    certain = body * smooth_step(rough, *_CALM) * weight > 0.5
-    if not bool(certain.any()):
-        return body, rough, torch.zeros_like(body)
-    paint = photo[:, certain].median(1).values[:, None, None]
-    hue = same_hue(photo, paint)
-    light = light_share(photo, paint)
-    vivid = smooth_step(chroma(paint).abs().amax(0) / (0.3 + 0.7 * lightness(paint)), *_VIVID)
-    alike = body * smooth_step(light, *_GREY_LIT) * smooth_step(rough, *_CALM)
-    if "glass" in parts:
-        beside = smooth_step(blurred(body[None], _BESIDE)[0], 0.02, 0.2)  # no highlight amid a pane
-        alike = torch.maximum(alike, beside * parts["glass"] * smooth_step(light, *_FRAME))
-    alike = blurred((hue * torch.maximum(alike, vivid * smooth_step(light, *_LIT)))[None], 1.0)[0]
-    return body, rough, alike
-
-
-def _roughness(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
-    """Return the standard deviation of lightness in the calmest of the windows around each pixel."""
-    light = lightness(image)[None]
-    deviation, reach = _WINDOW
-    variance = blurred(light**2, deviation) - blurred(light, deviation) ** 2
-    return -functional.max_pool2d(-variance.clamp_min(0).sqrt(), reach, 1, reach // 2)[0]
 
 
 def _painted_maps(
@@ -314,7 +227,7 @@ def _photo_maps(compared: ComparedPhoto, fine: Float[Tensor, "4 height width"], 
     direct = mirrored = levels(fine, device)
     if bool(compared.lettering.any()):
         small = resized(fine[:3], compared.weight)
-        paint = (compared.alike > _EVEN_PAINT) & (compared.weight > _TRUSTED)
+        paint = compared.paints.on_body(compared.weight) & (compared.weight > _TRUSTED)
         clean, replaced = without_lettering(small, compared.lettering, paint)
         clean = torch.lerp(fine[:3], enlarged(clean, fine[:3]), enlarged(replaced[None], fine[:3]))
         mirrored = levels(torch.cat((clean, fine[3:])), device)

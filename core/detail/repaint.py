@@ -12,9 +12,12 @@ from torch import Tensor
 from core.detail.lookup import ColourMatch, smooth_step
 from core.geometry.pixels import lightness
 
-_OTHER_HUE = 0.06, 0.16  # difference of chroma over lightness: paint up to the first, not paint from the second
-_LIGHTER = 1.6  # largest ratio to the render's lightness that light explains
-_LETTERING = 0.08, 0.25  # lightness above that: a highlight up to the first, lettering from the second
+_OTHER_HUE = 0.16, 0.06  # chroma across the paint's, over lightness: another hue up to the first, paint from the second
+_DULL, _VIVID = (0.15, 0.5), (3.0, 2.0)  # chroma along the paint's, over that in this light, likewise
+_SHADE, _BRIGHT = (0.35, 0.6), (2.4, 1.7)
+"""Lightness over the paint's, likewise: glass and trim, and lettering. Chroma along the paint's confirms a shade."""
+_GREYISH = 0.05  # chroma added to both of a ratio
+_LIGHTEST = 1.6  # largest light on paint
 _OTHER_PAINT = 0.5  # difference of renders from which the new paint replaces the old one completely
 _GREY = 0.1  # weight of lightness against chroma, which white light does not change
 _BLACK = 0.05  # lightness of the darkest paint
@@ -23,26 +26,27 @@ _ROBUST = 0.15  # scale of the residuals' Cauchy weights
 
 
 def repainted(
-    photo: Float[Tensor, "3 *places"],
-    paint: Float[Tensor, "3 *#places"],
-    change: Float[Tensor, "3 *#places"],
-    amount: Float[Tensor, "*places"],
+    photo: Float[Tensor, "3 *places"], paint: Float[Tensor, "3 *#places"], change: Float[Tensor, "3 *#places"]
 ) -> Float[Tensor, "3 *places"]:
-    """Return the photo with its paint changed.
+    """Return the photo with another paint in its light, as if it were paint everywhere.
 
     Args:
         paint: its colour in even light, as in the photo.
         change: of that colour.
-        amount: 0..1, how much paint places have at most.
     """
-    return photo + lit_paint(photo, paint, amount) * change
+    return photo + light_share(photo, paint) * change
 
 
 def lit_paint(
     photo: Float[Tensor, "3 *places"], paint: Float[Tensor, "3 *#places"], amount: Float[Tensor, "*places"]
 ) -> Float[Tensor, "*places"]:
-    """Return the fraction of a change of paint that a photo's colours take, 0..1.6; arguments as :func:`repainted`."""
-    return amount * same_hue(photo, paint) * _no_lettering(photo, paint) * light_share(photo, paint)
+    """Return the fraction of a change of paint that an image's colours take, 0..1.6.
+
+    Args:
+        paint: its colour in even light.
+        amount: 0..1, how much paint places have at most.
+    """
+    return amount * same_paint(photo, paint) * light_share(photo, paint)
 
 
 def light_share(photo: Float[Tensor, "3 *places"], paint: Float[Tensor, "3 *#places"]) -> Float[Tensor, "*places"]:
@@ -50,24 +54,24 @@ def light_share(photo: Float[Tensor, "3 *places"], paint: Float[Tensor, "3 *#pla
     vivid = chroma(paint)
     even = lightness(paint).clamp_min(_BLACK)
     held = (chroma(photo) * vivid).sum(0) + _GREY * lightness(photo) * even
-    return (held / (vivid.square().sum(0) + _GREY * even**2)).clamp(0, _LIGHTER)
+    return (held / (vivid.square().sum(0) + _GREY * even**2)).clamp(0, _LIGHTEST)
 
 
-def same_hue(photo: Float[Tensor, "3 *places"], paint: Float[Tensor, "3 *#places"]) -> Float[Tensor, "*places"]:
-    """Return the similarity of a photo's hue to a paint's in any light, 0..1."""
-    difference = (chroma(photo) - light_share(photo, paint) * chroma(paint)).abs().amax(0)
-    return smooth_step(difference / (0.3 + 0.7 * lightness(photo)), *reversed(_OTHER_HUE))
+def same_paint(colours: Float[Tensor, "3 *places"], paint: Float[Tensor, "3 *#places"]) -> Float[Tensor, "*places"]:
+    """Return the similarity of colours to a paint in another light, 0..1."""
+    light = lightness(colours) / lightness(paint).clamp_min(_BLACK)
+    vivid = chroma(paint)
+    length = vivid.norm(dim=0).clamp_min(1e-6)
+    along = (chroma(colours) * vivid).sum(0) / length
+    across = (chroma(colours) - along * vivid / length).norm(dim=0) / (0.3 + 0.7 * lightness(colours))
+    ratio = (along + _GREYISH) / (light * length + _GREYISH)
+    hue = smooth_step(across, *_OTHER_HUE) * smooth_step(ratio, *_DULL) * smooth_step(ratio, *_VIVID)
+    return hue * smooth_step(light + 2 * along, *_SHADE) * smooth_step(light, *_BRIGHT)
 
 
 def chroma(colours: Float[Tensor, "3 *places"]) -> Float[Tensor, "3 *places"]:
     """Return the colours minus their lightness."""
     return colours - lightness(colours)
-
-
-def _no_lettering(photo: Float[Tensor, "3 *places"], paint: Float[Tensor, "3 *#places"]) -> Float[Tensor, "*places"]:
-    """Return 0 for pixels lighter than light on the paint explains, such as white lettering on dark paint."""
-    above = lightness(photo) - _LIGHTER * lightness(paint).clamp_min(_BLACK)
-    return smooth_step(above, *reversed(_LETTERING))
 
 
 def moved_paint(change: Float[Tensor, "3 *places"], offset: Float[Tensor, "3 *places"]) -> Float[Tensor, "3 *places"]:

@@ -39,17 +39,6 @@ class SurfaceTexels(NamedTuple):
         image[:, self.pixel] = torch.cat(list(colours)).cpu().clamp(0, 1).T
         return continued(image, self.pixel)
 
-    def memberships(self, instance: Instance) -> Float[Tensor, "paints h w"]:
-        """Return where an object's paints are, extrapolated likewise."""
-        head = instance.model.part_head
-        parts = {name: probability.cpu() for name, probability in head.parts(self.features).items()} if head else {}
-        colours = self.colours(instance.unpainted)[:, self.pixel].T
-        paints = instance.codes.edits_of("texture")
-        image = torch.zeros(len(paints), *self.pixel.shape)
-        for number, paint in enumerate(paints):
-            image[number, self.pixel] = paint.membership(colours, parts)
-        return continued(image, self.pixel)
-
 
 def surface_texels(
     instance: Instance, rays: Rays, source: Rendered

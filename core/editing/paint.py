@@ -14,11 +14,11 @@ from jaxtyping import Bool, Float, Float32, UInt8
 from torch import Tensor
 from torch.nn import functional
 
-from core.detail.maps import UNPAINTED, compared_photos
+from core.detail.maps import compared_photos
 from core.detail.progressive import Frame
 from core.detail.repaint import lit_paint, replaced_share
 from core.edits import kinds
-from core.edits.paint import MATERIALS, PartPaint, Rgb, as_rgb
+from core.edits.paint import MATERIALS, UNPAINTED, PartPaint, Rgb, as_rgb
 from core.geometry.camera import Camera
 from core.geometry.pixels import lightness
 from core.models.model import Instance, Model
@@ -38,7 +38,7 @@ class Paint:
     """A colour for a part. Raises ``ValueError`` for a channel out of range."""
 
     colour: Rgb  # sRGB, 0..1
-    part: str = ""  # a part's name or one of the materials; '' is the body, or the fabric
+    part: str = ""  # a part's name or one of the materials; '' is the part with the largest surface
 
     def __post_init__(self) -> None:
         if len(self.colour) != 3 or not all(0 <= channel <= 1 for channel in self.colour):
@@ -71,10 +71,10 @@ def paint_colour(instance: Instance, part: str = "") -> Generator[None, None, Rg
 
 
 def paint_parts(model: Model) -> tuple[str, ...]:
-    """Return the materials and parts of a model's objects that take paint, the usual one first; none is one part."""
+    """Return the parts and materials of a model's objects that take paint; none is one part."""
     names = model.part_head.names if model.part_head else ()
     materials = MATERIALS if set(MATERIALS.values()) <= set(names) else ()
-    return (*materials, *(name for name in names if name not in UNPAINTED))
+    return (*(name for name in names if name not in UNPAINTED), *materials)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,20 +171,23 @@ def _surface(instance: Instance, part: str) -> Generator[None, None, _Surface]:
 
 
 def _checked(model: Model, part: str) -> str:
-    """Return a part, or the usual one. Raises ``ValueError`` for one that the model does not know."""
+    """Return a part, or "" for the largest one. Raises ``ValueError`` for one that the model does not know."""
     names = paint_parts(model)
     if part and not names:
         raise ValueError(f"this model has no parts, so it cannot paint {part}")
     if part and part not in names and not (model.part_head and part in model.part_head.names):
         raise ValueError(f"a {model.noun or 'object'} has {', '.join(names)}, but no {part}")
-    return part or next(iter(names), "")
+    return part
 
 
 def _located(
     model: Model, part: str, colours: Float[Tensor, "points 3"], features: Float[Tensor, "points width"]
 ) -> tuple[Float[Tensor, "points"], PartPaint]:
-    """Return the weight of points in a part's mean colour, and a paint of this colour."""
+    """Return the weight of points in a part's mean colour, and a paint of this colour; "" is the largest part."""
     parts = model.part_head.parts(features) if model.part_head else {}
+    if not part:
+        names = (name for name in parts if name not in UNPAINTED)
+        part = max(names, key=lambda name: float(parts[name].sum()), default="")
     materials = None
     if part in MATERIALS:
         (opposite,) = MATERIALS.keys() - {part}

@@ -1,6 +1,7 @@
 """The parts of an object in an image, with a handle at the free end of each: the place to pull it by."""
 
 import math
+from collections.abc import Container
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -51,6 +52,11 @@ class PartMap:
             return None
         index = int(self.regions[int(down * rows), int(across * columns)])
         return self.handles[index] if index >= 0 else None
+
+    def largest(self, parts: Container[str]) -> str:
+        """Return the part with most pixels among some; "" if none of them is visible."""
+        visible = {handle.part for handle in self.handles if handle.part in parts}
+        return max(sorted(visible), key=lambda part: self.mask(part).sum(), default="")
 
     def mask(self, part: str) -> Bool[np.ndarray, "rows columns"]:
         """Return the pixels of a part."""

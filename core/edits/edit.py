@@ -3,7 +3,7 @@
 A new kind of edit is a subclass of :class:`Edit` in a file of its own, and a row in :data:`core.edits.kinds.KINDS`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, TypeVar
 
 from jaxtyping import Float
@@ -72,14 +72,6 @@ class Edit:
         Args:
             colours: of the object itself, which tell light and pattern.
             below: the same after earlier edits.
-        """
-        raise NotImplementedError
-
-    def in_photo(self, matched: Callable[[Colour, Colour], tuple[Colour, Colour]]) -> "Edit":
-        """Return the edit of a texture for the colours of a photo.
-
-        Args:
-            matched: maps a colour of the network, and one that takes its place, to those of the photo.
         """
         raise NotImplementedError
 

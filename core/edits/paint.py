@@ -7,21 +7,23 @@ of the part.
 
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.edits.edit import Colour, Edit
+from core.edits.edit import Edit
 from core.geometry.pixels import lightness
 
 Rgb = tuple[float, float, float]
 MATERIALS = {"fabric": "seat", "wood": "legs"}  # of chairs, by the part that surely has it; metal legs count as wood
+UNPAINTED = "wheels", "glass", "lamps"  # of cars, which neither a texture nor a paint of the body changes in photos
 _DARKEST, _LIGHTEST = 0.3, 1.2  # light on a point, relative to the mean of its part
 _ANOTHER = 0.25  # colour difference from which a part becomes evenly coloured; below, its pattern stays
 _LEAST_DISTANCE = 1e-3  # of the two materials' colours
+_CERTAIN = 3.0  # exponent of a part's probability: a doubtful place takes hardly any paint
 _SHARP = 2.0  # change of a material's membership over the difference between the two materials' colours
 
 
@@ -64,7 +66,17 @@ class PartPaint(Edit):
             return torch.ones_like(colours[..., 0])
         legs = parts.get("legs", torch.zeros_like(colours[..., 0]))
         materials = {"fabric": 1 - legs, "wood": legs} if "legs" in parts else {}  # of one colour
-        return {**materials, **parts}.get(self.part, torch.zeros_like(legs))
+        share = {**materials, **parts}.get(self.part, torch.zeros_like(legs)).clamp(0, 1)
+        return _certain(share)
+
+    def membership_in_photo(self, shares: Mapping[str, Float[Tensor, "*places"]]) -> Float[Tensor, "*places"]:
+        """Return the share of the part's paint in a photo's pixels, whose colours tell more than the network's.
+
+        Args:
+            shares: those of parts and materials.
+        """
+        share = shares.get(self.part)
+        return torch.zeros_like(next(iter(shares.values()))) if share is None else _certain(share.clamp(0, 1))
 
     def over(
         self,
@@ -79,11 +91,6 @@ class PartPaint(Edit):
         even = ((colour - before).norm() / _ANOTHER).clamp_max(1)
         painted = torch.lerp(colours + (colour - before), evenly, even).clamp(0, 1)
         return torch.lerp(below, painted, (self.share * membership)[..., None])
-
-    def in_photo(self, matched: Callable[[Colour, Colour], tuple[Colour, Colour]]) -> "PartPaint":
-        """Return the paint for the colours of a photo instead of the network's."""
-        before, colour = matched(torch.tensor(self.before), torch.tensor(self.colour))
-        return replace(self, before=as_rgb(before), colour=as_rgb(colour))
 
     @classmethod
     def mixed(
@@ -108,3 +115,8 @@ def as_rgb(colour: Float[Tensor, "3"]) -> Rgb:
     """Return a colour as numbers, limited to 0..1."""
     red, green, blue = (round(channel, 5) for channel in colour.clamp(0, 1).tolist())
     return red, green, blue
+
+
+def _certain(share: Float[Tensor, "*places"]) -> Float[Tensor, "*places"]:
+    """Return a probability nearer to 0 or 1."""
+    return share**_CERTAIN / (share**_CERTAIN + (1 - share) ** _CERTAIN)

@@ -11,6 +11,7 @@ from core.editing.paint import CoarsePaint, Paint, paint_parts
 from core.edits.paint import Rgb
 from core.geometry.camera import Camera
 from core.models.model import Instance
+from viewer.activities.reshaping import Reshaping
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import BACKGROUND_WEIGHT, Jobs
@@ -32,11 +33,13 @@ class _Choice(NamedTuple):
 class Painting:
     """Paints parts: during a drag over colours the frame on screen, coarsely, then the object, in one step."""
 
-    def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
+    def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport, reshaping: Reshaping) -> None:
         self._jobs = jobs
         self._editor = editor
         self._viewport = viewport
+        self._reshaping = reshaping
         self._part = ""  # chosen part
+        self._largest: tuple[Instance, str] | None = None  # an object as fitted, and its largest part when first seen
         self._drag: _Choice | None = None  # the latest choice of a drag in progress
         self._coarse: tuple[Frame, str, CoarsePaint | None] | None = None  # frame, part, and paint once it is found
         self._due: tuple[_Choice, ...] = ()  # that the object does not have yet; it is being painted with the first
@@ -44,17 +47,25 @@ class Painting:
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """The parts that can be painted, the usual one first."""
+        """The parts that can be painted."""
         return paint_parts(self._editor.model)
 
     @property
     def part(self) -> str:
-        """The part to paint; "" if the object has none."""
-        return self._part if self._part in self.parts else next(iter(self.parts), "")
+        """The part to paint: the chosen one, else the largest when the object was first seen; "" if it has none."""
+        if self._part in self.parts:
+            return self._part
+        original = self._editor.original
+        visible = self._reshaping.parts
+        if visible and (self._largest is None or self._largest[0] != original):
+            self._largest = original, visible.map.largest(self.parts)
+        largest = self._largest[1] if self._largest else ""
+        return largest if largest in self.parts else next(iter(self.parts), "")
 
     @part.setter
     def part(self, part: str) -> None:
-        self._part = part
+        if part != self.part:
+            self._part = part
 
     @property
     def colour(self) -> Rgb | None:

@@ -71,7 +71,7 @@ def test_the_bytes_of_cached_ends_and_photos_are_counted(instance: Instance) -> 
     photos = run_to_end(compared_photos(instance))
     ends = run_to_end(borrowed_ends(instance.fitted, [photo.coverage for photo in photos]))
     for cached in (*photos, *ends):
-        values = [*vars(cached).values(), *cached.texels]
+        values = [*vars(cached).values(), *cached.texels, *getattr(cached, "paints", ())]
         assert cached.size == sum(value.nbytes for value in values if isinstance(value, torch.Tensor))
 
 

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
-from core.detail.lettering import lettering, without_lettering
+from core.detail.lettering import lettering, with_lamps, without_lettering
 
 SIDE = 512
 MAP = 256
@@ -77,3 +77,18 @@ def test_paint_replaces_lettering_and_stays_elsewhere() -> None:
     result = torch.lerp(image, clean, weight)
     assert torch.allclose(result, torch.full_like(image, 0.9), atol=1e-3)
     assert weight[:10].max() == 0
+
+
+def test_rough_places_at_a_cars_ends_are_lamps() -> None:
+    """The left half of a grille is on the side of the car, and neither plain paint nor panes are lamps."""
+    photo = torch.full((3, 64, 64), 0.8)
+    photo[:, 20:40:2] = 0.4
+    normals = torch.tensor([0.0, 1.0, 0.0]).repeat(64, 64, 1)
+    normals[:, :32] = torch.tensor([1.0, 0.0, 0.0])
+    glass = torch.zeros(64, 64)
+    glass[:, 56:] = 1
+    parts = {"body": 1 - glass, "glass": glass}
+    lamps = with_lamps(parts, photo, normals)["lamps"]
+    assert float(lamps[24:36, 32:56].min()) > 0.95
+    assert not lamps[:14].any() and not lamps[:, :32].any() and not lamps[:, 56:].any()
+    assert with_lamps({"seat": glass}, photo, normals) == {"seat": glass}

@@ -8,6 +8,7 @@ import torch
 
 from core.detail.lookup import ColourMatch, DetailMaps, PhotoMaps, packed
 from core.detail.maps import ComparedPhoto, detail_maps, paint_weight
+from core.detail.mixture import PhotoPaints
 from core.detail.progressive import Frame, RenderJob, RenderSettings, render_frame, render_progressively
 from core.detail.surface import SurfaceTexels, surface_normals
 from core.edits.bend import Bend
@@ -207,45 +208,34 @@ def test_opengl_and_the_processor_draw_the_same_photo_detail(
     assert np.abs(drawn - looked_up).mean() < change / 4
 
 
-def test_the_main_paint_changes_evenly_and_rough_places_that_hardly_change_stay(tiny: Model, camera: Camera) -> None:
-    """The left half of a grey photo is paint whose render changes with a blotch; the right half is a lamp."""
-    grey = torch.full((3, 64, 64), 0.8)
-    full = torch.ones(64, 64)
-    left = torch.zeros(64, 64)
-    left[:, :32] = 1
-    change = -0.4 * left.expand(3, 64, 64) - 0.15 * (1 - left)
-    change[:, 30:34, 8:12] = 0
-    texels = SurfaceTexels(full > 1, torch.zeros(0, 8), torch.zeros(0, 8))
-    compared = ComparedPhoto(
-        *(camera, tiny[0], grey, grey, full, full, full, 0.1 * (1 - left), left),
-        *(torch.zeros(64, 64), torch.zeros(4, 64, 64), texels, ColourMatch()),
-    )
-    moved = compared.repainted(change) - grey
-    assert torch.allclose(moved[:, :, :20], change[:, :1, :1], atol=0.02)
-    assert moved[:, :, 50:].abs().max() < 1e-6
-
-
-def test_a_photo_of_a_chair_takes_a_paint_on_the_whole_part_in_any_colour(tiny: Model, camera: Camera) -> None:
-    """The left half of a photo in many colours is the seat."""
+def test_the_paint_of_a_part_changes_evenly_and_everything_else_keeps_the_photos_colour(
+    tiny: Model, camera: Camera
+) -> None:
+    """The left half of a photo is the seat, whose grey paint is in its upper half."""
     weight = torch.zeros(2, tiny.field.config.width)
     weight[0, 0] = 1000.0
-    head = PartHead(("seat", "legs"), weight, torch.tensor([-500.0, 0.0]))
-    chair = replace(tiny, part_head=head)[0]
-    photo = torch.rand(3, 64, 64, generator=torch.Generator().manual_seed(0))
+    chair = replace(tiny, part_head=PartHead(("seat", "legs"), weight, torch.tensor([-500.0, 0.0])))[0]
+    photo = torch.linspace(0.3, 0.6, 64).expand(3, 64, 64)
     features = torch.zeros(64, 64, tiny.field.config.width)
     features[:, :32, 0] = 1.0
     full = torch.ones(64, 64)
     texels = SurfaceTexels(full > 0, features.flatten(0, 1), torch.tensor([1.0, 0.0, 0.0]).expand(64 * 64, 3))
+    shares = torch.zeros(2, 64, 64)
+    shares[0, :32, :32] = 1.0
+    paints = PhotoPaints(("seat", "legs"), torch.full((2, 3), 0.5), shares)
     compared = ComparedPhoto(
-        *(camera, chair, photo, photo, full, full, full, full, torch.zeros(64, 64)),
+        *(camera, chair, photo, photo, full, full, paints),
         *(torch.zeros(64, 64), torch.zeros(4, 64, 64), texels, ColourMatch()),
     )
     assert torch.equal(compared.painted(chair), photo)
     red = PartPaint("seat", (0.8, 0.1, 0.1), (0.5, 0.5, 0.5))
     painted = compared.painted(chair.with_edits(PartPaint, red))
     hue = painted / painted.sum(0)
-    assert (hue[:, :, :31] - torch.tensor([0.8, 0.1, 0.1])[:, None, None]).abs().max() < 1e-5
-    assert torch.equal(painted[:, :, 33:], photo[:, :, 33:])
+    assert (hue[:, :32, :32] - torch.tensor([0.8, 0.1, 0.1])[:, None, None]).abs().max() < 1e-5
+    moved = compared.painted(chair.with_texture(tiny[1]))
+    assert (moved - photo)[:, :32, :32].abs().mean() > 0.005
+    for changed in (painted, moved):
+        assert torch.equal(changed[:, 32:], photo[:, 32:]) and torch.equal(changed[:, :, 32:], photo[:, :, 32:])
 
 
 def test_a_ball_has_the_normals_of_a_ball() -> None:
