@@ -40,6 +40,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         raise ValueError("these settings are of the paper's recipe: core.fitting.paper.fit")
     began = time.perf_counter()
     settings = job.settings.for_box(model.extent)
+    settings = replace(settings, estimate_focal=settings.estimate_focal or job.tells_focal)
     # Where the network paints the background, its colour would be free, too.
     job = replace(job, settings=replace(settings, free_steps=0) if model.white_from_network else settings)
     several = not job.resume_from and sum(photo.camera is None for photo in job.photos) > 1

@@ -31,6 +31,7 @@ from core.photos.ranking import ObjectMask, expected_scales
 from core.photos.view_bank import view_bank
 
 MOST_PHOTOS = 12  # of one object
+_TELLING = 3  # photos of one object that tell focal lengths by its perspective
 SCORING_RAYS = 2048  # shared by all photos, constant
 _VALIDATION_RAYS = 512  # shared by all photos, not used by steps: for the uncertainty of a camera
 
@@ -47,6 +48,12 @@ class FitJob:
     seed: int = 0
     resume_from: Hypothesis | None = None  # refine this one, without a search
     components: Components = ALL_COMPONENTS  # enabled components, for ablations
+
+    @property
+    def tells_focal(self) -> bool:
+        """True if the object's perspective in several crops tells their focal lengths."""
+        crops = [photo for photo in self.photos if photo.camera is None and photo.focal is None and photo.scaled]
+        return len(crops) >= _TELLING
 
     def __post_init__(self) -> None:
         if not self.photos:

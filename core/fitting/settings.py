@@ -21,7 +21,8 @@ class FitSettings:
     free_steps: int = 20  # with free biases, after the search (:mod:`core.fitting.free`); 0: codes alone
     max_restarts: int = 1  # further searches while the single unknown camera is in doubt; the best result is kept
     estimate_focal: bool = False
-    """search the focal length of unknown cameras too, with 1.5 times the hypotheses; else use the model's"""
+    """search the focal length of unknown cameras too, with 1.5 times the hypotheses; else use the model's, but where
+    several crops tell it (:attr:`core.fitting.problem.FitJob.tells_focal`)"""
 
     def __post_init__(self) -> None:
         counts = min(self.hypotheses, self.steps, self.rays, self.samples - 1, self.max_restarts + 1)

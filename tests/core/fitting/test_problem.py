@@ -9,6 +9,7 @@ import torch
 from core.fitting.hypotheses import to_cameras
 from core.fitting.initial import initial_hypotheses
 from core.fitting.objective import CAMERA_PRIOR_SCALE, MOVED_SCALE, SCALED_SCALE
+from core.fitting.problem import FitJob
 from core.fitting.settings import Components
 from core.models.model import Model
 from core.photos.photo import Photo
@@ -56,3 +57,11 @@ def test_disabled_components_are_left_out_of_the_objective(tiny: Model):
     assert not objective.camera_weight.any()
     assert objective.mask_weight == 0
     assert problem.viewpoints == (None,)
+
+
+def test_three_crops_of_unknown_focal_length_tell_it(tiny: Model):
+    photo = stool(tiny)
+    crop = replace(photo, cropped=True, scaled=True)
+    known = replace(crop, focal=2 * tiny.focal)
+    for photos, tells in (((crop,) * 3, True), ((crop,) * 2, False), ((crop, crop, known, photo), False)):
+        assert FitJob(photos).tells_focal == tells
