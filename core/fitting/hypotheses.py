@@ -17,6 +17,7 @@ from core.models.model import Instance, Model
 
 CAMERA_PARAMETERS = 8  # of one view: azimuth, elevation, log distance, log focal length; log scale, roll, shift x and y
 _BASIN = math.radians(20)  # cameras closer than this mostly converge to the same one
+MIN_ZOOM = -1.4  # log of the shortest focal length over the model's: of 13 mm, if the object fills the photo
 MAX_ZOOM = 1.5  # log of the longest focal length over the given one: with a longer one, perspective is invisible
 _MAX_ELEVATION = math.radians(89.9)
 
@@ -196,7 +197,7 @@ def clamp_parameters(parameters: Parameters, views: Bool[Tensor, "views"]) -> Pa
     return parameters._replace(
         angles=torch.stack((azimuth, elevation), -1),
         distance=parameters.distance.clamp(-1.0, 1.5).where(views, parameters.distance),
-        zoom=parameters.zoom.clamp(-0.5, MAX_ZOOM).where(views, parameters.zoom),
+        zoom=parameters.zoom.clamp(MIN_ZOOM, MAX_ZOOM).where(views, parameters.zoom),
         crop_transform=parameters.crop_transform.clamp(-1.0, 1.0).where(views[:, None], parameters.crop_transform),
     )
 

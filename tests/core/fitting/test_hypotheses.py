@@ -7,6 +7,7 @@ import torch
 from core.fitting.hypotheses import (
     HypothesisBatch,
     by_loss,
+    clamp_parameters,
     concatenate,
     mean_parameters,
     other_basins,
@@ -23,6 +24,13 @@ def test_a_longer_focal_length_keeps_the_apparent_size():
     near, far = (to_cameras(model, standing(0.1, zoom=zoom), 0, [camera])[0] for zoom in (0.0, 0.4))
     assert far.focal == pytest.approx(near.focal * math.exp(0.4))
     assert far.focal / far.distance == pytest.approx(near.focal / near.distance)
+
+
+@pytest.mark.parametrize("millimetres", [13, 24, 160])
+def test_usual_lenses_are_within_the_searched_range(millimetres: float):
+    """The models' images are of a lens of 37 mm."""
+    parameters = standing(0.0, zoom=math.log(millimetres / 37))
+    assert torch.equal(clamp_parameters(parameters, torch.tensor([True])).zoom, parameters.zoom)
 
 
 def test_other_basins_have_their_best_hypothesis_each():
