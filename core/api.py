@@ -185,7 +185,8 @@ def export_mesh(instance: Instance, path: Path | str, settings: MeshSettings | N
     """Write an object as a mesh with colours and named parts: .glb, .ply, .obj, .stl or .3mf.
 
     Args:
-        settings: resolution, size in metres, texture, number of triangles.
+        settings: resolution, size in metres, texture, number of triangles. Without a size, an object that was not
+            :func:`sized` is in scene units: a photo shows no scale, and the diagonal of its box is about 1.
 
     Raises ``ValueError`` for an unknown ending, an object without a surface, or a path that cannot be written.
 
