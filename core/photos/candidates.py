@@ -97,9 +97,7 @@ def colour_candidate(image: Image.Image, box: Box) -> Candidate | None:
 
 def box_candidate(image: Image.Image, boxes: list[Box]) -> Candidate:
     """Return a mask that fills the boxes, for boxes without a detected object."""
-    opacity = np.zeros((image.height, image.width), np.float32)
-    for left, top, right, bottom in (in_pixels(box, image) for box in boxes):
-        opacity[top:bottom, left:right] = 1
+    opacity = np.any([filled(box, image) for box in boxes], axis=0).astype(np.float32)
     return Candidate("nothing but its place", opacity, confidence=0.0)
 
 
@@ -150,6 +148,14 @@ def _around(point: tuple[float, float], side: float, image: Image.Image) -> Box:
     across, down = (side * max(image.size) / size / 2 for size in image.size)
     x, y = point
     return max(0.0, x - across), max(0.0, y - down), min(1.0, x + across), min(1.0, y + down)
+
+
+def filled(box: Box, image: Image.Image) -> Bool[np.ndarray, "height width"]:
+    """Return the mask of a box in an image."""
+    mask = np.zeros((image.height, image.width), bool)
+    left, top, right, bottom = in_pixels(box, image)
+    mask[top:bottom, left:right] = True
+    return mask
 
 
 def in_pixels(box: Box, image: Image.Image) -> tuple[int, int, int, int]:

@@ -9,8 +9,8 @@ from scipy.ndimage import distance_transform_edt, label, mean, minimum
 from skimage.color import rgb2lab
 
 from core.geometry.pixels import bounding_box
-from core.photos.candidates import in_pixels, network_candidate, salient_box, scaled
-from core.photos.detector import Box, Detection, box_overlap, mask_box
+from core.photos.candidates import filled, network_candidate, salient_box, scaled
+from core.photos.detector import Detection, box_overlap, mask_box
 
 _GAP = 0.03  # distance from the object, relative to its size, from which a piece is apart; white parts leave less
 _LEAST = 6  # px: smaller pieces are specks
@@ -55,7 +55,7 @@ def find_marks(
     box = detections[0].box if detections else salient_box(image)
     salient = network_candidate(image, box).opacity > 0.5
     watermark = _watermark(image, pieces)
-    inside = pieces.fraction(_filled(box, image)) > 0.5
+    inside = pieces.fraction(filled(scaled(box, _MARGIN), image)) > 0.5
     marks = pieces.apart & ~(inside & (pieces.fraction(salient) > 0.5))
     marks |= pieces.small & (pieces.fraction(watermark) > 0.5)
     thin = foreground & ~_opened(foreground, max(1, round(_STROKE * max(image.size))))
@@ -92,14 +92,6 @@ def _watermark(image: Image.Image, pieces: _Pieces) -> Bool[np.ndarray, "height 
     alike = sum(np.linalg.norm(colour - grey) < _EVEN for colour in colours)
     like = np.linalg.norm(lab - grey, axis=-1) < _EVEN
     return like if alike >= max(_LETTERS, len(colours) / 2) else np.zeros_like(like)
-
-
-def _filled(box: Box, image: Image.Image) -> Bool[np.ndarray, "height width"]:
-    """Return the mask of a box with a margin."""
-    mask = np.zeros((image.height, image.width), bool)
-    left, top, right, bottom = in_pixels(scaled(box, _MARGIN), image)
-    mask[top:bottom, left:right] = True
-    return mask
 
 
 def _opened(mask: Bool[np.ndarray, "height width"], radius: int) -> Bool[np.ndarray, "height width"]:

@@ -13,6 +13,7 @@ from core.geometry.pixels import bounding_box, to_bytes
 from core.photos.candidates import (
     Candidate,
     box_candidate,
+    filled,
     mask_overlap,
     network_agreement,
     rank_candidates,
@@ -22,9 +23,11 @@ from core.photos.candidates import (
 from core.photos.chair_box import chair_corners, chair_direction
 from core.photos.decode import NOTE, lens_focal, on_white
 from core.photos.detector import UNDETECTED, Box, Detection, box_overlap, detect, detection_of, mask_box
+from core.photos.gaps import find_gaps
 from core.photos.grabcut import grabcut
 from core.photos.marks import find_marks
 from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background, is_compact
+from core.photos.reflection import above_reflection
 
 MIN_SIDE = 8  # px: images with a shorter side are not fitted
 _MIN_OBJECT_PIXELS = 12  # px: smaller objects are not fitted
@@ -41,6 +44,7 @@ _THRESHOLD = 0.5  # opacity from which a pixel belongs to the object
 _WHOLE_EDGE = 0.97  # fraction of an image's edge; an object that is cut off or trimmed covers less of three edges
 _NEARLY_ALL = 0.9  # fraction of an image; chairs and cars fill less of their bounding box
 _ODD_MASK = 0.3  # confidence of a given mask that is rather a mistake
+_LIKE_GROUND = 0.5  # confidence, at most, of a mask whose larger part looks like the ground
 _REACH = 2.0  # a stroke affects pixels within this many brush radii
 
 
@@ -144,7 +148,7 @@ def _cut_out(
 ) -> CutOut:
     """Cut out without strokes."""
     if boxes := _hinted_boxes(rgb, hints, detections):
-        return _in_boxes(rgb, boxes, hints)
+        return _in_boxes(rgb, boxes, hints, detections)
     colours = np.asarray(rgb, np.float32) / 255
     if _is_cut_out(alpha < 0.5):
         doubt = _doubt_about(alpha > _THRESHOLD)
@@ -153,12 +157,21 @@ def _cut_out(
         return replace(cut, note=doubt)
     plain, confidence = _plain_background(rgb, detections)
     if plain is None:
-        return _in_boxes(rgb, [detections[0].box if detections else salient_box(rgb)], hints)
+        return _photographed(rgb, hints, detections)
     if plain.mask.all():
         raise ValueError("no object found: nothing differs from the background")
     opacity = (~plain.mask).astype(np.float32)
     candidate = Candidate("plain background", opacity, white=plain.white, certain=True, confidence=confidence)
     return _on_white(colours, candidate)
+
+
+def _photographed(rgb: Image.Image, hints: Hints, detections: tuple[Detection, ...]) -> CutOut:
+    """Cut out the most prominent object of a photograph, without its mirror image."""
+    box = detections[0].box if detections else salient_box(rgb)
+    above = above_reflection(rgb, box)
+    if above is None:
+        return _in_boxes(rgb, [box], hints, detections)
+    return _in_boxes(rgb, [mask_box(above & filled(box, rgb))], hints, detections, above)
 
 
 def _doubt_about(mask: Bool[np.ndarray, "height width"]) -> str:
@@ -190,6 +203,10 @@ def _plain_background(rgb: Image.Image, detections: tuple[Detection, ...]) -> tu
     marks = find_marks(rgb, ~plain.mask, detections)
     if marks is not None:
         plain = plain._replace(mask=plain.mask | marks)
+    above = above_reflection(rgb, mask_box(~plain.mask))
+    if above is not None:
+        plain = plain._replace(mask=plain.mask | ~above)
+    if marks is not None or above is not None:
         confidence = network_agreement(rgb, ~plain.mask)
     if not is_compact(~plain.mask):
         return None, 0.0
@@ -216,22 +233,41 @@ def _within_frame(colours: Float[np.ndarray, "height width 3"], plain: PlainBack
     return PlainBackground(mask, white=False)
 
 
-def _in_boxes(rgb: Image.Image, boxes: list[Box], hints: Hints) -> CutOut:
-    """Return the chosen mask of the objects in boxes together, with alternatives."""
+def _in_boxes(
+    rgb: Image.Image,
+    boxes: list[Box],
+    hints: Hints,
+    detections: tuple[Detection, ...],
+    within: Bool[np.ndarray, "height width"] | None = None,
+) -> CutOut:
+    """Return the chosen mask of the objects in boxes together, with alternatives, ``within`` a mask."""
     cuts = list[CutOut]()
     colours = np.asarray(rgb, np.float32) / 255
     for candidates in zip(*(rank_candidates(rgb, box) for box in boxes), strict=False):
         opacity = np.max([candidate.opacity for candidate in candidates], axis=0)
         confidence = min(candidate.confidence for candidate in candidates)
         merged = replace(candidates[0], opacity=opacity, certain=hints.box is not None, confidence=confidence)
+        if within is not None:
+            merged = replace(merged, opacity=merged.opacity * within)
         with suppress(ValueError):  # the whole image, or almost nothing
-            cut = _on_white(colours, merged)
+            cut = _on_white(colours, _without_gaps(rgb, merged, detections))
             if all(mask_overlap(cut.mask, better.mask) < _SAME for better in cuts):
                 cuts.append(cut)
     if not cuts:
         cuts = [_on_white(colours, box_candidate(rgb, boxes))]
     chosen = cuts.pop(min(hints.choice, len(cuts) - 1))
     return replace(chosen, alternatives=tuple(cuts))
+
+
+def _without_gaps(rgb: Image.Image, candidate: Candidate, detections: tuple[Detection, ...]) -> Candidate:
+    """Remove the ground from the gaps of a chair; the windows of a car belong to it."""
+    mask = candidate.opacity > _THRESHOLD
+    detection = detection_of(mask, detections) if mask.any() else None
+    if detection is None or detection.category != "chairs":
+        return candidate
+    gaps, doubtful = find_gaps(rgb, mask)
+    confidence = min(candidate.confidence, _LIKE_GROUND) if doubtful else candidate.confidence
+    return replace(candidate, opacity=candidate.opacity * (1 - gaps), confidence=confidence)
 
 
 def _hinted_boxes(rgb: Image.Image, hints: Hints, detections: tuple[Detection, ...]) -> list[Box]:
