@@ -28,10 +28,6 @@ but for a car of 1908 (18.7). A car that was squashed to a square has 17.4."""
 _WRONG_MASK_FACTOR = 0.5
 """Factor on the confidence if the mask is certainly not the object; a guess, not calibrated. With it, no wrong camera
 of 26 photographs has more than 0.79; without it, two had 0.87 and 0.97."""
-_WITNESS_DEGREES = 30.0  # azimuths that differ by less agree
-_AGREES = 0.7  # change of a right camera's log-odds if a second witness agrees
-_MIRRORED = -0.3  # if it gives the mirrored azimuth
-_CONTRADICTS = -1.2  # if it contradicts
 
 
 class Calibration(NamedTuple):
@@ -48,39 +44,19 @@ stools that look alike from several sides, and 18 cars. In daylight or hard ligh
 of cars, all right, agree with it."""
 
 
-def confidence(margin: float, uncertainty: float, by: Calibration = CALIBRATION, witness: float = 0.0) -> float:
+def confidence(margin: float, uncertainty: float, by: Calibration = CALIBRATION) -> float:
     """Return the probability that a fitted camera is right, 0..1.
 
     Args:
         margin: log ratio of the runner-up's loss to the winner's.
         uncertainty: degrees, of the winner within its basin.
-        witness: from :func:`witness_odds`.
 
     Example:
         >>> confidence(math.log(2), 1.0, Calibration(-2.0, 4.0, -1.0))
         0.5
     """
     odds = by.constant + by.margin * _relative_margin(margin) + by.uncertainty * _log_uncertainty(uncertainty)
-    odds += witness
     return 1 / (1 + math.exp(-max(-30.0, min(30.0, odds))))
-
-
-def witness_odds(direction: tuple[float, float] | None, azimuth: float) -> float:
-    """Return the change of the log-odds that a camera's azimuth (rad) is right, given a second witness.
-
-    Args:
-        direction: azimuth and elevation of the witness (rad), or None.
-
-    Example:
-        >>> [witness_odds(azimuth and (azimuth, 0.3), 1.0) for azimuth in (1.2, -1.2, 2.5, None)]
-        [0.7, -0.3, -1.2, 0.0]
-    """
-    if direction is None:
-        return 0.0
-    near = math.cos(math.radians(_WITNESS_DEGREES))
-    if math.cos(azimuth - direction[0]) > near:
-        return _AGREES
-    return _MIRRORED if math.cos(azimuth + direction[0]) > near else _CONTRADICTS
 
 
 def in_words(confidence: float) -> Literal["doubtful", "likely", "sure"]:

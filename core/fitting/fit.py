@@ -11,10 +11,9 @@ from dataclasses import replace
 
 from core.fitting.anchors import SetSearch
 from core.fitting.category_check import category_likelihood
-from core.fitting.confidence import witness_odds
 from core.fitting.hypotheses import Hypothesis, HypothesisBatch, to_cameras
 from core.fitting.photo_views import detailed_instance
-from core.fitting.problem import FitJob, Problem, witness_direction
+from core.fitting.problem import FitJob, Problem
 from core.fitting.search import Search, SearchState
 from core.fitting.settings import PRESETS, FitSettings, PaperSettings
 from core.fitting.steps import FitStep, RunnerUp
@@ -69,7 +68,6 @@ def _to_step(
     views = state.search.views
     by_view = dict(enumerate(cameras)) | dict(zip(views, leader.cameras, strict=True))
     result = state.result if state.result and math.isfinite(state.result.margin) else None
-    directions = [witness_direction(state.search.problem.model, photo) for photo in job.photos]
     return FitStep(
         step,
         steps,
@@ -91,7 +89,6 @@ def _to_step(
         mask_confidence=math.prod(photo.mask_confidence for photo in job.photos) ** (1 / len(job.photos)),
         view_margins=state.result.view_margins if state.result else (),
         left_out=state.left_out,
-        witness=sum(map(witness_odds, directions, (camera.azimuth for camera in by_view.values()))),
     )
 
 

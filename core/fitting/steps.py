@@ -46,7 +46,6 @@ class FitStep:
     mask_confidence: float = 1.0  # probability that a mask is right, geometric mean over the photos
     view_margins: tuple[float | None, ...] = ()  # of the cameras of several photos, for constant codes
     left_out: tuple[int, ...] = ()  # numbers of photos that show another object; their cameras mean nothing
-    witness: float = 0.0  # change of the camera's log-odds by a chair's 3D box (:func:`witness_odds`)
 
     @property
     def is_free(self) -> bool:
@@ -73,4 +72,4 @@ class FitStep:
     def _confidence(self, margin: float, uncertainty: float) -> float:
         psnr = self.psnr if self.search_psnr is None else self.search_psnr
         plausibility = plausible(self.category_likelihood, self.mask_confidence, psnr)
-        return plausibility * confidence(margin, uncertainty, witness=self.witness)
+        return plausibility * confidence(margin, uncertainty)
