@@ -1,8 +1,9 @@
-"""A mesh as binary glTF 2.0, with a node for each part and optionally a camera.
+"""A mesh as binary glTF 2.0: a node for each part, a material for each variant, and a camera.
 
-The material is unlit because the colours contain the light.
+Materials are unlit because the colours contain the light.
 """
 
+import io
 import json
 import math
 import struct
@@ -10,74 +11,105 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int, UInt8, UInt16
+from jaxtyping import Float, UInt16
 from PIL import Image
 
+from core.export.triangle_mesh import Mesh
 from core.geometry.camera import WORLD_FROM_GLTF, Camera
 
-_UNLIT = "KHR_materials_unlit"
-_COLOUR = "_COLOUR"  # vertex attribute of the linear colours until the file is complete
-MeshParts = tuple[tuple[str, int], ...]  # name and number of triangles of each part, in the order of the triangles
+_UNLIT, _VARIANTS = "KHR_materials_unlit", "KHR_materials_variants"
+_TYPES = {"<f4": 5126, "<u4": 5125, "<u2": 5123}  # glTF's numbers of component types
+_SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+_CORNERS, _INDICES = 34962, 34963  # what a view of the buffer holds
+_CLAMPED = 33071  # of a texture's edges
 
 
-def glb(
-    vertices: Float[np.ndarray, "vertices 3"],
-    normals: Float[np.ndarray, "vertices 3"],
-    faces: Int[np.ndarray, "faces 3"],
-    part_counts: MeshParts,
-    *,
-    colours: Float[np.ndarray, "vertices 3"] | None = None,
-    uv: Float[np.ndarray, "vertices 2"] | None = None,
-    image: UInt8[np.ndarray, "height width 3"] | None = None,
-) -> bytes:
-    """Return the bytes of a .glb file, with the colours of the vertices or an image.
+def glb(mesh: Mesh) -> bytes:
+    """Return the bytes of a .glb file. Images of several variants share vertices and texture coordinates."""
+    buffer = _Buffer()
+    document: dict[str, Any] = {"asset": {"version": "2.0", "generator": "CodeNeRF Viewer"}, "scene": 0}
+    document |= _materials(mesh, buffer)
+    mappings = [{"material": number, "variants": [number]} for number in range(len(mesh.images))]
+    extensions = {"extensions": {_VARIANTS: {"mappings": mappings}}} if len(mappings) > 1 else {}
+    document["meshes"] = [
+        {"name": name, "primitives": [{**_primitive(part, buffer), **extensions}]} for name, part in mesh.parts()
+    ]
+    document["nodes"] = [{"name": name, "mesh": number} for number, (name, _) in enumerate(mesh.part_counts)]
+    document["scenes"] = [{"nodes": [*range(len(mesh.part_counts))]}]
+    document |= {"accessors": buffer.accessors, "bufferViews": buffer.views}
+    document["buffers"] = [{"byteLength": len(buffer.data)}]
+    return _file(document, struct.pack("<II", len(buffer.data), 0x004E4942) + buffer.data)
 
-    Args:
-        vertices, normals: glTF axes.
-        part_counts: of the triangles, in their order; vertices are not shared between parts.
-        colours: sRGB, 0..1.
-        uv: places of the vertices in the image, 0..1, from its left and bottom edge.
-    """
-    from trimesh import Scene, Trimesh  # imported late: the window only lists the formats
-    from trimesh.visual import TextureVisuals
-    from trimesh.visual.material import PBRMaterial
 
-    texture = None if image is None else Image.fromarray(image)
-    material = PBRMaterial(baseColorTexture=texture, metallicFactor=0.0, roughnessFactor=1.0)
-    scene = Scene()
-    start = 0
-    for name, count in part_counts:
-        used, corners = np.unique(faces[start : start + count], return_inverse=True)
-        mesh = Trimesh(
-            vertices[used],
-            corners.reshape(-1, 3),
-            vertex_normals=normals[used],
-            visual=TextureVisuals(None if uv is None else uv[used], material),
-            vertex_attributes={} if colours is None else {_COLOUR: _linear(colours[used])},
-            process=False,
-            validate=False,
-        )
-        scene.add_geometry(mesh, node_name=name, geom_name=name)
-        start += count
-    return scene.export(file_type="glb", tree_postprocessor=_complete, include_normals=True)
+def _materials(mesh: Mesh, buffer: "_Buffer") -> dict[str, Any]:
+    """Return the entries of a document for the mesh's materials and their images."""
+    if not mesh.images:
+        return {"extensionsUsed": [_UNLIT], "materials": [_material("colours")]}
+    document: dict[str, Any] = {
+        "extensionsUsed": [_UNLIT],
+        "materials": [_material(name, texture) for texture, name in enumerate(mesh.images)],
+        "textures": [{"source": source, "sampler": 0} for source in range(len(mesh.images))],
+        "images": [buffer.image(image) for image in mesh.images.values()],
+        "samplers": [{"wrapS": _CLAMPED, "wrapT": _CLAMPED}],
+    }
+    if len(mesh.images) > 1:
+        document["extensionsUsed"].append(_VARIANTS)
+        document["extensions"] = {_VARIANTS: {"variants": [{"name": name} for name in mesh.images]}}
+    return document
+
+
+def _material(name: str, texture: int | None = None) -> dict[str, Any]:
+    surface = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
+    image = {} if texture is None else {"baseColorTexture": {"index": texture}}
+    return {"name": name or "colours", "pbrMetallicRoughness": surface | image, "extensions": {_UNLIT: {}}}
+
+
+def _primitive(part: Mesh, buffer: "_Buffer") -> dict[str, Any]:
+    attributes = {"POSITION": buffer.accessor(part.vertices, "<f4"), "NORMAL": buffer.accessor(part.normals, "<f4")}
+    if part.colours is not None:
+        attributes["COLOR_0"] = buffer.accessor(_linear(part.colours), "<u2")
+    if part.uv is not None:
+        attributes["TEXCOORD_0"] = buffer.accessor(part.uv * (1, -1) + (0, 1), "<f4")
+    indices = buffer.accessor(part.faces.reshape(-1, 1), "<u4", _INDICES)
+    return {"attributes": attributes, "indices": indices, "material": 0}
+
+
+class _Buffer:
+    """The binary part of a file, with the JSON that describes it."""
+
+    def __init__(self) -> None:
+        self.data = b""
+        self.views: list[dict[str, int]] = []
+        self.accessors: list[dict[str, Any]] = []
+
+    def accessor(self, values: np.ndarray, kind: str, target: int = _CORNERS) -> int:
+        """Add rows of numbers and return the number of their accessor."""
+        rows = values.astype(kind)
+        count, width = rows.shape
+        view = self._view(rows.tobytes(), {"target": target})
+        described: dict[str, Any] = {"bufferView": view, "componentType": _TYPES[kind]}
+        described |= {"count": count, "type": _SHAPES[width], "normalized": kind == "<u2"}
+        if width == 3:  # required of positions
+            described |= {"min": rows.min(0).tolist(), "max": rows.max(0).tolist()}
+        self.accessors.append(described)
+        return len(self.accessors) - 1
+
+    def image(self, pixels: np.ndarray) -> dict[str, Any]:
+        """Add an image and return its entry."""
+        file = io.BytesIO()
+        Image.fromarray(pixels).save(file, "PNG")
+        return {"bufferView": self._view(file.getvalue(), {}), "mimeType": "image/png"}
+
+    def _view(self, data: bytes, described: dict[str, int]) -> int:
+        self.views.append({"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data), **described})
+        self.data += data + bytes(-len(data) % 4)
+        return len(self.views) - 1
 
 
 def _linear(colours: Float[np.ndarray, "vertices 3"]) -> UInt16[np.ndarray, "vertices 4"]:
     """Return opaque linear colours, as glTF requires, in 16 bits so that dark colours keep their steps."""
     linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
     return (np.hstack((linear, np.ones((len(linear), 1)))) * 65535 + 0.5).astype(np.uint16)
-
-
-def _complete(tree: dict[str, Any]) -> None:
-    """Make the materials unlit and name the vertices' colours as glTF does, in the JSON of a file."""
-    tree["extensionsUsed"] = [*tree.get("extensionsUsed", ()), _UNLIT]
-    for material in tree["materials"]:
-        material["extensions"] = {_UNLIT: {}}
-    for mesh in tree["meshes"]:
-        attributes = mesh["primitives"][0]["attributes"]
-        if _COLOUR in attributes:
-            attributes["COLOR_0"] = attributes.pop(_COLOUR)
-            tree["accessors"][attributes["COLOR_0"]]["normalized"] = True
 
 
 def place_camera(file: bytes, camera: Camera, origin: Float[np.ndarray, "3"], scale: float) -> bytes:

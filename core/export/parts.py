@@ -11,8 +11,8 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from core.export.glb import MeshParts
 from core.export.normals import face_normals
+from core.export.triangle_mesh import MeshParts
 from core.models.model import Model
 from core.models.part_head import ABOVE_SEAT, PartHead
 from core.rendering.folded_field import FoldedField

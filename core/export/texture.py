@@ -1,13 +1,12 @@
 """A mesh with its colours in an image: unwrapped by xatlas, every texel coloured by the field."""
 
-from collections.abc import Callable, Generator
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Mapping
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
-from core.export.glb import MeshParts, glb
 from core.export.normals import face_normals, vertex_normals
+from core.export.triangle_mesh import Mesh
 from core.geometry.pixels import to_bytes
 from core.streams import subprogress
 
@@ -21,45 +20,29 @@ Colours = Callable[
 ]  # points and outward normals to colours (sRGB, 0..1); yields the fraction done
 
 
-@dataclass(frozen=True, eq=False)
-class TexturedMesh:
-    """A surface and its image. Vertices are duplicated along the seams of the image."""
-
-    vertices: Float[np.ndarray, "vertices 3"]
-    normals: Float[np.ndarray, "vertices 3"]  # unit length, outward
-    faces: Int[np.ndarray, "faces 3"]
-    uv: Float[np.ndarray, "vertices 2"]  # 0..1, from the image's left and bottom edge
-    image: UInt8[np.ndarray, "height width 3"]
-    part_counts: MeshParts
-
-    def glb(self) -> bytes:
-        """Return the bytes of a .glb file, with vertices already in glTF axes."""
-        return glb(self.vertices, self.normals, self.faces, self.part_counts, uv=self.uv, image=self.image)
-
-
-def textured(
-    vertices: Float[np.ndarray, "vertices 3"],
-    faces: Int[np.ndarray, "faces 3"],
-    part_counts: MeshParts,
-    colours: Colours,
-    pixels: int,
-) -> Generator[float, None, TexturedMesh]:
-    """Texture a surface with an image about ``pixels`` wide; yields the fraction done.
+def textured(mesh: Mesh, colours: Mapping[str, Colours], pixels: int) -> Generator[float, None, Mesh]:
+    """Unwrap a surface once and colour an image of each variant, about ``pixels`` wide; yields the fraction done.
 
     Raises ``ValueError`` if the library that unwraps surfaces is missing.
     """
     yield 0.0
-    kept, corners, uv, (width, height) = _unwrapped(vertices, faces, pixels)
+    kept, corners, uv, (width, height) = _unwrapped(mesh.vertices, mesh.faces, pixels)
     yield _UNWRAP_FRACTION
-    places = vertices[kept].astype(np.float32)
+    points = mesh.vertices[kept].astype(np.float32)
     faces = kept[corners]  # both sides of a seam share the original vertex's normal
-    normals = vertex_normals(len(vertices), faces, face_normals(vertices, faces))[kept]
+    normals = vertex_normals(len(mesh.vertices), faces, face_normals(mesh.vertices, faces))[kept]
     covered, triangle, weights = _texels(uv * (width, height), corners, (width, height))
-    texels = [(weights[..., None] * array[corners[triangle]]).sum(1).astype(np.float32) for array in (places, normals)]
+    texels = [(weights[..., None] * array[corners[triangle]]).sum(1).astype(np.float32) for array in (points, normals)]
     texels[1] /= np.maximum(np.linalg.norm(texels[1], axis=1, keepdims=True), 1e-9)
-    image = np.zeros((height, width, 3), np.uint8)
-    image[covered] = to_bytes((yield from subprogress(colours(*texels), _UNWRAP_FRACTION, 1.0)))
-    return TexturedMesh(places, normals, corners, uv * (1, -1) + (0, 1), _filled(image, covered), part_counts)
+    images = {}
+    for number, (name, colour) in enumerate(colours.items()):
+        begin, end = (
+            _UNWRAP_FRACTION + (1 - _UNWRAP_FRACTION) * count / len(colours) for count in (number, number + 1)
+        )
+        image = np.zeros((height, width, 3), np.uint8)
+        image[covered] = to_bytes((yield from subprogress(colour(*texels), begin, end)))
+        images[name] = _filled(image, covered)
+    return Mesh(points, normals, corners, mesh.part_counts, uv=uv * (1, -1) + (0, 1), images=images)
 
 
 def _unwrapped(

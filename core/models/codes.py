@@ -50,6 +50,11 @@ class Codes(Latents):
         return super().shape_key + self.space_edits
 
     @property
+    def form_key(self) -> tuple[Hashable, ...]:
+        """All numbers of the shape with its size: objects of a model with equal ones differ in colours alone."""
+        return self.shape_key + self.factors
+
+    @property
     def texture_key(self) -> tuple[Hashable, ...]:
         """All numbers of the texture, and its edits, as a comparable key."""
         return super().texture_key + self.edits_of("texture")

@@ -1,10 +1,8 @@
 import copy
 import json
-import zipfile
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -16,13 +14,15 @@ from core.detail.progressive import render_frame
 from core.editing.bounds import natural_bounds
 from core.editing.size import sized
 from core.edits.stretch import Stretch
-from core.export import mesh as module
-from core.export.mesh import TOLERANCE, MeshSettings, export_mesh, extract_mesh
-from core.export.mesh_formats import Mesh
+from core.export.mesh import MeshSettings, export_mesh, extract_mesh
+from core.export.surface import TOLERANCE
+from core.export.triangle_mesh import Mesh
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.rendering import fast
+from core.rendering.folded_field import FoldedField
+from core.rendering.occupancy import Occupancy
 from core.runtime.precision import use_dtype
 from core.streams import run_to_end
 from tests.conftest import unchecked_shapes
@@ -55,10 +55,10 @@ def ball(monkeypatch: pytest.MonkeyPatch):
             outside = torch.minimum(outside, points.norm(dim=-1) - hollow) if hollow else outside
             return torch.nn.functional.softplus(outside * 400) * 44, points
 
-        monkeypatch.setattr(module.FoldedField, "first_layer", lambda self, points: points)
-        monkeypatch.setattr(module.FoldedField, "density", density)
-        monkeypatch.setattr(module.FoldedField, "unbounded_density", density)
-        monkeypatch.setattr(module.FoldedField, "colour", lambda self, y, towards: (y > 0).float())
+        monkeypatch.setattr(FoldedField, "first_layer", lambda self, points: points)
+        monkeypatch.setattr(FoldedField, "density", density)
+        monkeypatch.setattr(FoldedField, "unbounded_density", density)
+        monkeypatch.setattr(FoldedField, "colour", lambda self, y, towards: (y > 0).float())
 
     return make
 
@@ -99,14 +99,14 @@ def test_surfaces_are_closed_where_the_last_bits_of_two_evaluations_differ(
     resolution: int, ball, model: Model, monkeypatch: pytest.MonkeyPatch
 ):
     ball(*(((0.1 * x, 0.1 * y, 0.05 * x), 0.15) for x in range(-2, 3) for y in (-1, 1)))
-    exact = module.FoldedField.density
+    exact = FoldedField.density
     calls = iter(range(10**6))
 
     def density(self, points):
         value, y = exact(self, points)
         return value * (1 + 1e-6 * (next(calls) % 7)), y
 
-    monkeypatch.setattr(module.FoldedField, "density", density)
+    monkeypatch.setattr(FoldedField, "density", density)
     mesh = run_to_end(extract_mesh(model[0], resolution))
     assert edges_without_two_triangles(mesh.faces) == 0
     assert solid(mesh).is_winding_consistent
@@ -122,8 +122,8 @@ def test_surfaces_are_closed_where_corners_lie_on_the_surface(ball, model: Model
         logits = torch.where(far, 9.0, near) * torch.where(outside, -1, 1)
         return logits.exp().log1p() / (2 * max(model.extent) / 64), points
 
-    monkeypatch.setattr(module.FoldedField, "density", density)
-    monkeypatch.setattr(module.Occupancy, "contains", lambda self, points: torch.ones(points.shape[:-1]) > 0)
+    monkeypatch.setattr(FoldedField, "density", density)
+    monkeypatch.setattr(Occupancy, "contains", lambda self, points: torch.ones(points.shape[:-1]) > 0)
     for _ in range(4):
         mesh = run_to_end(extract_mesh(model[0], 20))
         assert len(mesh.faces) > 1000
@@ -185,33 +185,14 @@ def test_files_hold_the_mesh_in_their_own_axes(suffix: str, tiny: Model, tmp_pat
     np.testing.assert_allclose(colours, mesh.colours, atol=3e-3)
 
 
-def read_3mf(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return vertices, triangles and the colours of the triangles' corners; check that the package is complete."""
-    space = "http://schemas.microsoft.com/3dmanufacturing"
-    names = "v1", "v2", "v3", "p1", "p2", "p3"
-    with zipfile.ZipFile(path) as file:
-        assert sorted(file.namelist()) == ["3D/3dmodel.model", "[Content_Types].xml", "_rels/.rels"]
-        ElementTree.fromstring(file.read("_rels/.rels"))
-        root = ElementTree.fromstring(file.read("3D/3dmodel.model"))
-    assert root.get("unit") == "millimeter"
-    core, paint = (f"{{{space}/{extension}/2015/02}}" for extension in ("core", "material"))
-    corners = np.array([[node.get(name) for name in names] for node in root.iter(f"{core}triangle")], int)
-    rgb = [[int(node.get("color", "")[i : i + 2], 16) for i in (1, 3, 5)] for node in root.iter(f"{paint}color")]
-    vertices = [[float(node.get(axis, "")) for axis in "xyz"] for node in root.iter(f"{core}vertex")]
-    return np.array(vertices), corners[:, :3], np.array(rgb)[corners[:, 3:]] / 255
-
-
 def test_files_for_printers_are_closed_and_in_millimetres(tiny: Model, tmp_path: Path):
     for name in ("stool.stl", "stool.3mf"):
         list(export_mesh(tiny[0], tmp_path / name, MeshSettings(32, metres=0.5)))
     read = trimesh.load_mesh(tmp_path / "stool.stl")
     assert read.is_watertight and read.volume > 0
     assert (read.extents.max(), read.bounds[0, 2]) == pytest.approx((500, 0), abs=1e-2)
-    vertices, faces, colours = read_3mf(tmp_path / "stool.3mf")
-    printed = trimesh.Trimesh(vertices, faces, process=False)
+    printed = trimesh.load_scene(tmp_path / "stool.3mf").to_mesh()
     assert printed.is_watertight and printed.volume == pytest.approx(read.volume, rel=1e-3)
-    mesh = run_to_end(extract_mesh(tiny[0], 32))
-    np.testing.assert_allclose(colours, mesh.colours[mesh.faces], atol=3e-3)
 
 
 @pytest.mark.parametrize("texture", [0, 64])

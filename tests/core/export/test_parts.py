@@ -8,7 +8,7 @@ import torch
 import trimesh
 
 from core.export.mesh import MeshSettings, export_mesh, extract_mesh
-from core.export.mesh_formats import Mesh
+from core.export.triangle_mesh import Mesh
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.part_head import PartHead

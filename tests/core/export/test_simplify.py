@@ -6,8 +6,9 @@ import pytest
 import trimesh
 
 from core.export.mesh import extract_mesh
-from core.export.mesh_formats import Mesh
+from core.export.mesh_formats import save_mesh
 from core.export.simplify import simplify
+from core.export.triangle_mesh import Mesh
 from core.models.library import load_model
 from core.models.model import Model
 from core.streams import run_to_end
@@ -58,7 +59,7 @@ def test_two_other_readers_find_a_closed_surface_in_files_for_printers(
     mesh = meshes[0]
     path = tmp_path / f"chair{suffix}"
     vertices, faces = run_to_end(simplify(mesh.vertices, mesh.faces, triangles))
-    Mesh(vertices, np.zeros_like(vertices), np.zeros_like(vertices), faces, ()).save(path)
+    save_mesh(Mesh(vertices, np.zeros_like(vertices), faces, (("chair", len(faces)),), np.zeros_like(vertices)), path)
     read = trimesh.load_scene(path).to_mesh()
     read.merge_vertices()
     assert read.is_watertight

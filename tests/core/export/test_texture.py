@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from core.export.texture import TexturedMesh, textured
+from core.export.glb import glb
+from core.export.texture import textured
+from core.export.triangle_mesh import Mesh
 
 
 def by_place(places: np.ndarray, normals: np.ndarray) -> Generator[float, None, np.ndarray]:
@@ -18,10 +20,11 @@ def by_place(places: np.ndarray, normals: np.ndarray) -> Generator[float, None, 
 
 
 @pytest.fixture(scope="module")
-def ball() -> tuple[TexturedMesh, list[float]]:
+def ball() -> tuple[Mesh, list[float]]:
     sphere = trimesh.creation.icosphere(4)
     fractions = []
-    stream = textured(sphere.vertices, sphere.faces, (("ball", len(sphere.faces)),), by_place, 256)
+    bare = Mesh(np.array(sphere.vertices), np.array(sphere.vertices), sphere.faces, (("ball", len(sphere.faces)),))
+    stream = textured(bare, {"": by_place}, 256)
     while True:
         try:
             fractions.append(next(stream))
@@ -29,24 +32,24 @@ def ball() -> tuple[TexturedMesh, list[float]]:
             return done.value, fractions
 
 
-def test_every_place_has_its_colour_and_seams_do_not_show(ball: tuple[TexturedMesh, list[float]]):
+def test_every_place_has_its_colour_and_seams_do_not_show(ball: tuple[Mesh, list[float]]):
     mesh, fractions = ball
     assert all(before <= after for before, after in pairwise(fractions))
-    height, width = mesh.image.shape[:2]
+    height, width = mesh.images[""].shape[:2]
     assert 200 < width < 400
     rng = np.random.default_rng(0)
     weights = rng.dirichlet((1, 1, 1), len(mesh.faces))[..., None]
     places, uv = ((weights * array[mesh.faces]).sum(1) for array in (mesh.vertices, mesh.uv))
     row = ((1 - uv[:, 1]) * height).astype(int)
     column = (uv[:, 0] * width).astype(int)
-    assert np.abs(mesh.image[row, column] / 255 - (0.5 + 0.5 * places)).max() < 0.05
+    assert np.abs(mesh.images[""][row, column] / 255 - (0.5 + 0.5 * places)).max() < 0.05
     assert (mesh.normals * mesh.vertices).sum(1).min() > 0.99
     assert len(mesh.vertices) > len(np.unique(mesh.vertices.round(5), axis=0))  # there are seams
 
 
-def test_textured_files_are_unlit_and_keep_their_image(ball: tuple[TexturedMesh, list[float]]):
+def test_textured_files_are_unlit_and_keep_their_image(ball: tuple[Mesh, list[float]]):
     mesh, _ = ball
-    written = mesh.glb()
+    written = glb(mesh)
     (length,) = struct.unpack("<I", written[12:16])
     document = json.loads(written[20 : 20 + length])
     assert document["extensionsUsed"] == ["KHR_materials_unlit"]
@@ -55,4 +58,4 @@ def test_textured_files_are_unlit_and_keep_their_image(ball: tuple[TexturedMesh,
     np.testing.assert_allclose(read.vertices, mesh.vertices, atol=1e-6)
     np.testing.assert_allclose(read.visual.uv, mesh.uv, atol=1e-6)
     image = np.asarray(read.visual.material.baseColorTexture.convert("RGB"))
-    np.testing.assert_array_equal(image, mesh.image)
+    np.testing.assert_array_equal(image, mesh.images[""])
