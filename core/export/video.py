@@ -15,6 +15,7 @@ from jaxtyping import UInt8
 from PIL import Image, ImageChops
 from PIL.GifImagePlugin import getdata
 
+from core.export.dimensions import draw_dimensions
 from core.export.films import View
 from core.export.video_frames import render_frames
 from core.gl.background import Background, Rgb
@@ -24,6 +25,7 @@ from core.runtime.modes import isolated
 WHITE: Rgb = (255, 255, 255)
 _BT709, _LIMITED_RANGE = 1, 1  # numbers of H.264 and FFmpeg
 _ENDLESS = b"!\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"  # of a gif: it plays again and again
+_HELD = 2  # s, for which a last frame with dimensions stays
 _WAITING = 4  # frames queued for the encoder, at most
 
 
@@ -36,6 +38,7 @@ class VideoSettings:
     background: Background | None = WHITE  # None is transparent
     exact: bool = False  # every frame by the network; else the faster way
     shadow: bool = False  # of the object on the ground
+    unit: str | None = None  # of dimensions on the last frame, which then stays (:data:`core.export.dimensions.UNITS`)
 
     def __post_init__(self) -> None:
         if not 1 <= self.rate <= 100 or not 1 <= self.quality <= 100:
@@ -74,8 +77,12 @@ def write_video(views: Sequence[View], path: Path, settings: VideoSettings | Non
         done = 0
         for image in frames:
             if image is not None:
-                encoder.add(image)
                 done += 1
+                if settings.unit and done == len(views):
+                    image = draw_dimensions(image, views[-1], settings.unit)
+                    for _ in range(_HELD * settings.rate):
+                        encoder.add(image)
+                encoder.add(image)
             yield done
         encoder.finish()
 
