@@ -13,11 +13,12 @@ import html
 import io
 import json
 import zlib
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 from string import Template
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -27,9 +28,13 @@ from torch import Tensor
 
 from core.detail.lookup import DetailMaps, PhotoMaps
 from core.detail.progressive import render_frame
+from core.editing.bounds import natural_bounds
+from core.editing.size import shown_bounds
 from core.edits.edit import UNIT
+from core.export.dimensions import size_labels
 from core.export.films import turntable
 from core.export.framing import filling_frame
+from core.export.variants import require_one_shape
 from core.export.video_frames import draw_still, over
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
@@ -55,6 +60,7 @@ precision highp sampler2D;
 precision highp sampler3D;
 precision highp usampler3D;
 """
+_SHARED_TEXT = 200  # characters, from which a text that stands in the scene twice is stored once
 _COPY_VERTEX = """
 #version 330
 void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0, 0.0, 1.0); }
@@ -67,27 +73,77 @@ void main() { colour = texelFetch(image, ivec2(gl_FragCoord.xy), 0); }
 """
 
 
-@isolated
-def write_page(instance: Instance, camera: Camera, path: Path, name: str) -> Iterator[None]:
-    """Write the page of an object atomically; yields None many times.
+@dataclass(frozen=True)
+class PageExtras:
+    """Further contents of a page."""
 
-    Raises ``ValueError`` for another ending than .html, or a path that cannot be written.
+    variants: Mapping[str, Instance] = field(default_factory=dict)
+    """objects of one shape by name, each with a swatch; the first is shown at first, in place of the page's object"""
+    unit: str = ""  # of the dimensions around the object, of :data:`core.export.dimensions.UNITS`; "": none
+    room: bool = False
+    """True: phones place the object in a room. The page holds a .usdz; a .glb of the page's name is written beside it,
+    which Android opens where both are on a web server."""
+
+
+@isolated
+def write_page(
+    instance: Instance, camera: Camera, path: Path, name: str, extras: PageExtras = PageExtras()
+) -> Iterator[float | None]:
+    """Write the page of an object atomically; yields many times.
+
+    Raises ``ValueError`` for another ending than .html, variants of different shapes, or a path that cannot be written.
 
     Args:
-        camera: the initial view; its image is a square.
+        camera: the initial view; its image is a square. :func:`core.export.dimensions.with_room` zooms for dimensions.
         name: of the object, shown below it and in the browser's title.
     """
     if path.suffix.lower() != SUFFIX:
         raise ValueError(f"{path.name}: a page must end in {SUFFIX}")
+    variants = extras.variants or {"": instance}
+    require_one_shape(variants)
     with atomic_file(path) as unfinished:
-        baked: BakedField | None = None
-        for finer in bake(instance):
-            baked = finer or baked
-            yield None
-        assert baked is not None
+        looks = []
         camera = camera.resized(_POSTER, _POSTER)
-        poster = _poster(instance, camera, baked)
-        unfinished.write_text(page(baked, camera, poster, name), encoding="utf-8")
+        for label, variant in variants.items():
+            baked: BakedField | None = None
+            for finer in bake(variant):
+                baked = finer or baked
+                yield None
+            assert baked is not None
+            looks.append(Look(label, baked, _poster(variant, camera, baked)))
+        more: dict[str, Any] = {}
+        if extras.unit:
+            more["dimensions"] = _dimensions(instance, extras.unit)
+        if extras.room:
+            more["room"] = yield from _room(instance, variants, path.with_suffix(".glb"))
+        unfinished.write_text(page(looks, camera, name, more), encoding="utf-8")
+
+
+def _room(instance: Instance, variants: Mapping[str, Instance], beside: Path) -> Generator[float, None, dict[str, Any]]:
+    """Write the file beside the page, and return the content of the page for phones."""
+    from core.export.mesh import room_mesh  # imports scipy, which other pages do not need
+    from core.export.mesh_formats import save_mesh
+    from core.export.usdz import write_usdz
+
+    mesh = yield from room_mesh(instance, variants)
+    with atomic_file(beside) as unfinished:
+        save_mesh(mesh, unfinished)
+    file = io.BytesIO()
+    write_usdz(mesh, file)
+    return {"glb": beside.name, "usdz": _packed(np.frombuffer(file.getvalue(), np.uint8))}
+
+
+class Look(NamedTuple):
+    """A variant as a page shows it."""
+
+    name: str
+    baked: BakedField
+    poster: UInt8[np.ndarray, "height width 4"]
+
+
+def _dimensions(instance: Instance, unit: str) -> dict[str, Any]:
+    box = shown_bounds(instance, natural_bounds(instance))
+    return {"low": box.low, "high": box.high, "labels": size_labels(box, unit)}
 
 
 def first_camera(instance: Instance, camera: Camera) -> Camera:
@@ -97,22 +153,49 @@ def first_camera(instance: Instance, camera: Camera) -> Camera:
     return first
 
 
-def page(baked: BakedField, camera: Camera, poster: UInt8[np.ndarray, "height width 4"], name: str) -> str:
-    """Return the text of a page with the best image quality that fits."""
-    template = Template(resources.files("core.export").joinpath("page.html").read_text(encoding="utf-8"))
+def page(looks: Sequence[Look], camera: Camera, name: str, more: Mapping[str, Any] | None = None) -> str:
+    """Return the text of a page with the best image quality that fits.
+
+    Args:
+        looks: variants of one shape, the one that is shown at first before the others.
+        more: JSON of dimensions and of the files for phones, if the page has them.
+    """
+    style, drawing, controls = map(_source, ("page.css", "page_drawing.js", "page_controls.js"))
+    poster = looks[0].poster
     picture = Image.fromarray(poster)
     on_white = Image.alpha_composite(Image.new("RGBA", picture.size, "white"), picture).convert("RGB")
     head = {
         "name": html.escape(name),
         "link_image": _image(on_white, _LINK_QUALITY, "JPEG"),
         "icon": _image(picture.resize((_ICON, _ICON)), _LINK_QUALITY),
+        "style": style,
+        "script": drawing + controls,
     }
     for quality in _QUALITIES:
-        scene = json.dumps(_scene(baked, camera, quality), separators=(",", ":")).replace("<", "\\u003c")
-        text = template.substitute(head, poster=_image(picture, quality), scene=scene)
+        scene = _shared({**_scene(looks, camera, quality), **(more or {})})
+        content = json.dumps(scene, separators=(",", ":")).replace("<", "\\u003c")
+        text = Template(_source("page.html")).substitute(head, poster=_image(picture, quality), scene=content)
         if len(text.encode()) <= MAX_BYTES:
             break
     return text
+
+
+def _source(name: str) -> str:
+    return resources.files("core.export").joinpath(name).read_text(encoding="utf-8")
+
+
+def _shared(content: Any) -> dict[str, Any]:
+    """Return JSON content in which each long text is a number: variants have most of their texts in common."""
+    texts: dict[str, int] = {}
+
+    def numbered(value: Any) -> Any:
+        if isinstance(value, str) and len(value) >= _SHARED_TEXT:
+            return {"text": texts.setdefault(value, len(texts))}
+        if isinstance(value, dict):
+            return {name: numbered(entry) for name, entry in value.items()}
+        return [numbered(entry) for entry in value] if isinstance(value, list | tuple) else value
+
+    return {"scene": numbered(content), "texts": list(texts)}
 
 
 def _poster(instance: Instance, camera: Camera, baked: BakedField) -> UInt8[np.ndarray, "height width 4"]:
@@ -121,28 +204,45 @@ def _poster(instance: Instance, camera: Camera, baked: BakedField) -> UInt8[np.n
     return over(render_frame(instance, camera), None) if drawn is None else drawn
 
 
-def _scene(baked: BakedField, camera: Camera, quality: int) -> dict[str, Any]:
+def _scene(looks: Sequence[Look], camera: Camera, quality: int) -> dict[str, Any]:
     """Return everything the page's script needs, as JSON."""
     view = {name: getattr(camera, name) for name in ("azimuth", "elevation", "distance")}
-    shaders = {
-        "object": (baked_shader.VERTEX, baked_shader.fragment_source(baked.detail)),
-        "ground": (ground_shader.VERTEX, ground_shader.FRAGMENT),
-        "copy": (_COPY_VERTEX, _COPY_FRAGMENT),
-    }
+    baked = looks[0].baked
+    colours = _swatches([look.poster for look in looks])
     return {
         "camera": {**view, "focal": camera.focal / camera.height},
+        "first": "Photo" if baked.detail else "Start",  # name of the first view
         "proportions": baked.proportions or UNIT,
-        "field": {
-            "uniforms": baked_shader.field_uniforms(baked),
-            "texels": _packed(np.moveaxis(baked.texels, -1, 0)),  # by channel, which compresses better
-            "distance": _packed(baked.distance),
-        },
-        "detail": baked.detail and _detail(baked.detail, camera, quality),
+        "distance": _packed(baked.distance),
+        "variants": [
+            {"name": look.name, "colour": colour, **_variant(look.baked, camera, quality)}
+            for look, colour in zip(looks, colours, strict=True)
+        ],
         "shadow": baked.shadow and _shadow(baked.shadow),
-        "shaders": {
-            name: dict(zip(("vertex", "fragment"), map(_in_webgl, pair), strict=True)) for name, pair in shaders.items()
-        },
+        "ground": _program(ground_shader.VERTEX, ground_shader.FRAGMENT),
+        "copy": _program(_COPY_VERTEX, _COPY_FRAGMENT),
     }
+
+
+def _variant(baked: BakedField, camera: Camera, quality: int) -> dict[str, Any]:
+    return {
+        "uniforms": baked_shader.field_uniforms(baked),
+        "channels": [_packed(channel) for channel in np.moveaxis(baked.texels, -1, 0)],  # which compress better alone
+        "detail": baked.detail and _detail(baked.detail, camera, quality),
+        "program": _program(baked_shader.VERTEX, baked_shader.fragment_source(baked.detail)),
+    }
+
+
+def _program(vertex: str, fragment: str) -> dict[str, str]:
+    return {"vertex": _in_webgl(vertex), "fragment": _in_webgl(fragment)}
+
+
+def _swatches(posters: Sequence[UInt8[np.ndarray, "height width 4"]]) -> list[str]:
+    """Return a colour for each variant, such as #c03028: its mean where variants differ."""
+    images = np.stack(posters).astype(float)
+    weights = images[..., :3].std(0).sum(-1) * (images[0, ..., 3] > 0) + 1e-6
+    means = np.einsum("vyxc,yx->vc", images[..., :3], weights) / weights.sum()
+    return ["#" + bytes(mean.round().astype(int).tolist()).hex() for mean in means]
 
 
 def _detail(maps: DetailMaps, camera: Camera, quality: int) -> dict[str, Any]:

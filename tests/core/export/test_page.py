@@ -17,7 +17,7 @@ from core.detail.lookup import DetailMaps
 from core.edits.bend import Bend
 from core.edits.edit import Edit
 from core.edits.stretch import Stretch
-from core.export.page import MAX_BYTES, write_page
+from core.export.page import MAX_BYTES, Look, write_page
 from core.export.page import page as page_text
 from core.geometry.camera import Camera
 from core.gl.baking import bake
@@ -28,24 +28,9 @@ from core.models.photo_detail import OtherSide
 from tests.conftest import no_opengl, unchecked_shapes
 from tests.core.detail.test_maps import lettered, striped
 from tests.core.export.chromium import Chromium
+from tests.core.export.conftest import SIZE
 
-SIZE = 160
 CAMERAS = [(1.1 + turn * math.pi / 5, 0.3 * (turn % 4) - 0.2) for turn in range(10)]
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Chromium]:
-    try:
-        browser = Chromium()
-    except FileNotFoundError as error:
-        pytest.skip(str(error))
-    with browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
-def camera(tiny: Model) -> Camera:
-    return tiny.camera(1.1, 0.3).resized(SIZE, SIZE)
 
 
 def on_white(image: UInt8[np.ndarray, "height width 4"]) -> Float[np.ndarray, "height width 3"]:
@@ -117,7 +102,7 @@ def test_pages_show_what_the_mirror_image_has_of_its_own(
     *_, baked = filter(None, bake(striped(tiny, camera.resized(192, 192))))
     baked = replace(baked, detail=changed(baked.detail))
     path = tmp_path / "object.html"
-    path.write_text(page_text(baked, camera, np.zeros((64, 64, 4), np.uint8), "Stool"))
+    path.write_text(page_text([Look("", baked, np.zeros((64, 64, 4), np.uint8))], camera, "Stool"))
     chromium.open(path, SIZE, SIZE + 100)
     chromium.evaluate(f"stage.style.flex = 'none'; stage.style.height = '{SIZE}px'; 0")
     try:
