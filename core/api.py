@@ -4,7 +4,7 @@ Files are named by a path or a text. Angles are radians, images are rows of pixe
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -181,14 +181,21 @@ def write_video(
         pass
 
 
-def export_mesh(instance: Instance, path: Path | str, settings: MeshSettings | None = None) -> None:
-    """Write an object as a mesh with colours and named parts: .glb, .ply, .obj, .stl or .3mf.
+def export_mesh(
+    instance: Instance,
+    path: Path | str,
+    settings: MeshSettings | None = None,
+    variants: Mapping[str, Instance] | None = None,
+) -> None:
+    """Write an object as a mesh with colours and named parts: .glb, .usdz, .ply, .obj, .stl or .3mf.
 
     Args:
         settings: resolution, size in metres, texture, number of triangles. Without a size, an object that was not
             :func:`sized` is in scene units: a photo shows no scale, and the diagonal of its box is about 1.
+        variants: of a .glb: objects of the same shape by name, whose colours it holds.
 
-    Raises ``ValueError`` for an unknown ending, an object without a surface, or a path that cannot be written.
+    Raises ``ValueError`` for an unknown ending, an object without a surface, variants of other shapes, or a path that
+    cannot be written.
 
     Example:
         >>> import core, tempfile
@@ -197,7 +204,7 @@ def export_mesh(instance: Instance, path: Path | str, settings: MeshSettings | N
         ...     (Path(folder) / "chair.glb").stat().st_size > 0
         True
     """
-    for _ in mesh.export_mesh(instance, Path(path), settings):
+    for _ in mesh.export_mesh(instance, Path(path), settings, variants=variants):
         pass
 
 

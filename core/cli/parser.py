@@ -120,11 +120,21 @@ def _add_scene_options(command: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_dimensions(command: argparse.ArgumentParser, place: str) -> None:
+    text = f"draw width, depth and height as in a furniture catalogue, {place}"
+    command.add_argument("--dimensions", choices=("cm", "in"), help=text)
+
+
+def _add_variants(command: argparse.ArgumentParser, text: str) -> None:
+    command.add_argument("--variants", type=input_file, nargs="+", default=[], metavar="S.json", help=text)
+
+
 def _add_render(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "render", "render.render", "render one image")
     _add_scene_options(command)
     command.add_argument("--size", type=image_size, default=(128, 128), metavar="PX|WxH", help="(default: 128)")
     command.add_argument("--exact", action="store_true", help="the slow reference renderer, 256 samples a ray")
+    _add_dimensions(command, "with room for them around the object")
     command.add_argument("--out", type=Path, required=True, metavar="X.png")
 
 
@@ -147,6 +157,7 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
         action="store_true",
         help="render every frame with the network, which takes minutes; other frames match these to 45 dB or better",
     )
+    _add_dimensions(command, "on the last frame, which then stays for two seconds")
     command.add_argument(
         "--out",
         type=Path,
@@ -169,7 +180,7 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
         "--texture",
         type=count,
         metavar="PX",
-        help="glb: width of a colour image, approximately (default: colours at the vertices)",
+        help="glb, usdz: width of a colour image, approximately (default: colours at the vertices; of a usdz 1024)",
     )
     command.add_argument("--triangles", type=count, metavar="N", help="at most (default: all; 8,000 with a texture)")
     command.add_argument(
@@ -178,13 +189,18 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
         metavar="M",
         help="longest side, on the ground (default: --size-cm, else usual for the model)",
     )
-    command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj|.stl|.3mf")
+    _add_variants(command, "glb: scenes of the same shape; their colours are variants by the names of their files")
+    command.add_argument("--out", type=Path, required=True, metavar="X.glb|.usdz|.ply|.obj|.stl|.3mf")
 
 
 def _add_page(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "page", "render.page", "write a web page in which an object turns, in one file")
     _add_scene_options(command)
     command.add_argument("--name", metavar="TEXT", help="the object's name (default: the scene file's)")
+    _add_variants(command, "scenes of the same shape; each is a swatch by the name of its file")
+    _add_dimensions(command, "with a switch")
+    ar = "for phones: holds a usdz for iPhones; writes X.glb beside it for Android, where both are on a web server"
+    command.add_argument("--ar", action="store_true", help=ar)
     command.add_argument("--out", type=Path, required=True, metavar="X.html")
 
 

@@ -16,12 +16,13 @@ from core.editing.paint import Paint, paint
 from core.editing.size import SIDES, size_of, sized
 from core.editing.words import direction_words, most, moved
 from core.export import films
+from core.export.dimensions import draw_dimensions, with_room
 from core.export.films import View
 from core.export.framing import filling_frame
 from core.export.video import FORMATS, WHITE, VideoSettings, shown_views, write_video
 from core.geometry.pixels import to_bytes
 from core.models.library import load_model, shipped_models
-from core.models.model import Instance
+from core.models.model import Instance, Model
 from core.models.scene import Scene, open_scene, save_image, scene_model
 from core.runtime.files import require_writable
 from core.streams import run_to_end
@@ -34,10 +35,14 @@ def render(chosen: argparse.Namespace) -> None:
     camera = camera.resized(*chosen.size)
     if chosen.distance is None and not chosen.scene:
         (_, camera), *_ = filling_frame([View(instance, camera)])
+    if chosen.dimensions:
+        ((_, camera),) = with_room([View(instance, camera)])
     if chosen.exact:
         image = to_bytes(render_reference(instance, camera).colour)
     else:
         image = render_frame(instance, camera).image
+    if chosen.dimensions:
+        image = draw_dimensions(image, View(instance, camera), chosen.dimensions)
     save_image(image, chosen.out, Scene(instance, camera))
 
 
@@ -46,7 +51,7 @@ def turntable(chosen: argparse.Namespace) -> None:
     instance, camera = _load_view(chosen, from_photo=True)
     camera = camera.resized(*chosen.size)
     background = None if chosen.transparent else WHITE
-    settings = VideoSettings(chosen.fps, chosen.quality, background, chosen.exact, chosen.shadow)
+    settings = VideoSettings(chosen.fps, chosen.quality, background, chosen.exact, chosen.shadow, chosen.dimensions)
     if chosen.to is not None:
         shots = films.morph(instance, _partner(chosen.to, instance), camera, chosen.frames or films.TURN)
     elif chosen.swing:
@@ -55,6 +60,8 @@ def turntable(chosen: argparse.Namespace) -> None:
         shots = films.turntable(instance, camera, chosen.frames or films.TURN)
     if chosen.distance is None:
         shots = filling_frame(shots)
+    if chosen.dimensions:
+        shots = with_room(shots)
     written = write_video(shots, chosen.out, settings)
     counts = (count for before, count in pairwise(chain((0,), written)) if count > before)
     run_with_progress(counts, _shown_frames(shots, chosen), "frame")
@@ -79,29 +86,46 @@ def _shown_frames(shots: Sequence[View], chosen: argparse.Namespace) -> int:
 def mesh(chosen: argparse.Namespace) -> None:
     """Run ``mesh``: write an object as a coloured mesh."""
     from core.export.mesh import MeshSettings, export_mesh  # imports scipy, which videos and images do not need
-    from core.export.mesh_formats import LARGEST_PRINT, PRINTED
+    from core.export.print_formats import LARGEST_PRINT, PRINTED
 
     instance, camera = _load_selection(chosen)
     metres = chosen.metres or (None if instance.is_sized else instance.model.metres)
     settings = MeshSettings(chosen.resolution, metres, chosen.texture or 0, chosen.triangles or 0)
     if chosen.out.suffix.lower() in PRINTED and (side := metres or max(size_of(instance)) / 100) > LARGEST_PRINT:
         say(f"{chosen.out}: {side:.1f} m long, larger than any printer builds; --metres makes it smaller")
-    fractions = export_mesh(instance, chosen.out, settings, camera if chosen.scene else None)
+    variants = _variants(chosen, instance)
+    fractions = export_mesh(instance, chosen.out, settings, camera if chosen.scene else None, variants)
     with tqdm(total=1.0, bar_format="{percentage:3.0f} %|{bar}| {elapsed}", leave=False, disable=None) as bar:
-        for fraction in fractions:
-            bar.update(fraction - bar.n)
+        doubt = run_to_end(fractions, lambda fraction: bar.update(fraction - bar.n))
+    if doubt:
+        say(f"{chosen.out}: {doubt}")
 
 
 def page(chosen: argparse.Namespace) -> None:
     """Run ``page``: write an object as a web page in one file."""
-    from core.export.page import first_camera, write_page
+    from core.export.page import PageExtras, first_camera, write_page
 
     instance, camera = _load_view(chosen, from_photo=True)
     if chosen.distance is None:
         camera = first_camera(instance, camera)
+    if chosen.dimensions:
+        ((_, camera),) = with_room([View(instance, camera)])
     name = chosen.name or (chosen.scene.stem if chosen.scene else instance.model.noun.capitalize())
-    for _ in write_page(instance, camera, chosen.out, name):
+    extras = PageExtras(_variants(chosen, instance), chosen.dimensions or "", chosen.ar)
+    for _ in write_page(instance, camera, chosen.out, name, extras):
         pass
+
+
+def _variants(chosen: argparse.Namespace, instance: Instance) -> dict[str, Instance]:
+    """Return the object and its ``--variants`` by name; none without them. Raises ``ValueError`` for equal names."""
+    if not chosen.variants:
+        return {}
+    variants = {chosen.scene.stem if chosen.scene else instance.model.noun: instance}
+    for path in chosen.variants:
+        if path.stem in variants:
+            raise ValueError(f"two variants are named {path.stem}: rename one of the files")
+        variants[path.stem] = _opened(chosen, path, instance.model).instance
+    return variants
 
 
 def _load_view(chosen: argparse.Namespace, from_photo: bool = False) -> View:
@@ -121,11 +145,16 @@ def _load_selection(chosen: argparse.Namespace) -> View:
     """Return the chosen object, and the scene's camera or the default one."""
     model = load_model(_model_name(chosen), chosen.device)
     if chosen.scene:
-        scene = open_scene(chosen.scene, model)
-        instance = scene.instance.with_detail(None) if chosen.no_photo_detail else scene.instance
-        return View(_edited(chosen, instance), scene.camera)
+        return _opened(chosen, chosen.scene, model)
     instance = model.mean if chosen.object is None else model[chosen.object]
     return View(_edited(chosen, instance), model.camera(math.radians(60), math.radians(20)))
+
+
+def _opened(chosen: argparse.Namespace, path: Path, model: Model) -> View:
+    """Return the object and the camera of a scene, with the edits of the options."""
+    scene = open_scene(path, model)
+    instance = scene.instance.with_detail(None) if chosen.no_photo_detail else scene.instance
+    return View(_edited(chosen, instance), scene.camera)
 
 
 def _model_name(chosen: argparse.Namespace) -> str:

@@ -4,7 +4,10 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from core.export.dimensions import draw_dimensions
 from core.export.films import View
+from core.export.page import PageExtras
+from core.models.model import Instance
 from core.models.scene import Scene, save_image
 from viewer.activities.film_previews import FilmPreviews
 from viewer.activities.names import Names
@@ -13,6 +16,8 @@ from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values.share_settings import FILMS, ShareSettings
+
+Variants = dict[str, Instance]  # versions of an object in one file, by name
 
 
 class Exporting:
@@ -28,6 +33,7 @@ class Exporting:
         self.kind = ""  # kind of the last file: one of :data:`~viewer.values.share_settings.KINDS`
         self.saved: Path | None = None  # the last written file
         self.progress = 0.0  # finished fraction of the current file, 0..1
+        self._note = ""  # of the current file, for a person
         self._began = 0.0, 0.0  # time (s, monotonic clock) and finished fraction of the first progress
 
     @property
@@ -49,11 +55,13 @@ class Exporting:
         Nothing happens while another file is written. A name without an ending is a folder of frames; a PNG also holds
         the scene.
         """
+        several = settings.all_versions and settings.holds_versions
+        variants = self._names.colour_versions() if several else {}
         if settings.kind == "mesh":
-            self._begin("mesh", path, lambda scene: self._mesh(scene, path, settings))
+            self._begin("mesh", path, lambda scene: self._mesh(scene, path, settings, variants))
         elif settings.kind == "page":
             title = self._names.pair(self._editor.state.mix.a)
-            self._begin("page", path, lambda scene: self._page(scene, path, settings, title))
+            self._begin("page", path, lambda scene: self._page(scene, path, settings, title, variants))
         elif settings.kind == "picture":
             self._begin("picture", path, lambda scene: self._picture(scene, path, settings))
         elif settings.kind in FILMS:
@@ -67,24 +75,30 @@ class Exporting:
             self._jobs.messages.notify(f"Cancelled: {self.path.name} was not written")
             self.path = None
 
-    def _mesh(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
+    def _mesh(self, scene: Scene, path: Path, settings: ShareSettings, variants: Variants) -> Iterator[float]:
         mesh_settings = settings.mesh_settings(scene.instance)
-        return self._jobs.backend.mesh(scene.instance, path, mesh_settings, scene.photo_camera)
+        writing = self._jobs.backend.mesh(scene.instance, path, mesh_settings, scene.photo_camera, variants)
+        self._note = (yield from writing) or ""
 
     def _film(self, views: list[View], path: Path, settings: ShareSettings) -> Iterator[float]:
         for done in self._jobs.backend.video(views, path, settings.video_settings):
             yield done / len(views)
 
-    def _page(self, scene: Scene, path: Path, settings: ShareSettings, title: str) -> Iterator[float]:
+    def _page(
+        self, scene: Scene, path: Path, settings: ShareSettings, title: str, variants: Variants
+    ) -> Iterator[float]:
         (instance, camera), *_ = settings.views(scene)
-        for _ in self._jobs.backend.page(instance, camera, path, title):
+        extras = PageExtras(variants, settings.unit, settings.room)
+        for _ in self._jobs.backend.page(instance, camera, path, title, extras):
             yield 0.0
+        if settings.room:
+            self._note = f"{path.stem}.glb beside it is for Android phones"
 
     def _picture(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
         view = settings.views(scene)[0]
         for image in self._jobs.backend.pictures([view], settings.behind, shadow=settings.shows_shadow):
             if image is not None:
-                save_image(image, path, scene)
+                save_image(draw_dimensions(image, view, settings.unit) if settings.unit else image, path, scene)
             yield float(image is not None)
 
     def _begin(self, kind: str, path: Path, stream: Callable[[Scene], Iterator[float]]) -> None:
@@ -93,6 +107,7 @@ class Exporting:
             return
         self.kind = kind
         self.path = path
+        self._note = ""
         self.progress = 0.0
         self._began = (0.0, 0.0)
         scene = self._editor.scene
@@ -117,4 +132,4 @@ class Exporting:
             self._jobs.messages.report(f"Cannot export {path.name}", error)
         elif path:
             self.saved = path
-            self._jobs.messages.notify(f"Saved {path.name}")
+            self._jobs.messages.notify(": ".join(filter(None, (f"Saved {path.name}", self._note))))

@@ -5,6 +5,7 @@ from functools import lru_cache
 
 from core.editing.words import OPPOSITES
 from core.edits.paint import PartPaint
+from core.export.variants import is_variant
 from core.models.latents import CodeKind
 from core.models.model import Instance
 from viewer.activities.direction_words import DirectionWords
@@ -12,10 +13,12 @@ from viewer.editor import Editor
 from viewer.values.direction import Direction
 from viewer.values.history import Pair
 from viewer.values.naming import colour_word
+from viewer.values.objects import unique_name
 from viewer.values.variety import readable
 
 _NUMBERED = re.compile(r" \(\d+\)$")  # end of a version's name that no person chose
 _LEAST = 0.05  # standard deviations along a direction: a smaller difference gets no word
+_MOST_COLOURS = 8  # versions in one file
 _MEASURED = 1000  # pairs of objects whose words are kept
 
 
@@ -59,6 +62,29 @@ class Names:
         is_resized = instance.codes.edits_of("size") != root.original.codes.edits_of("size")
         size = "resized" if is_resized else ""
         return ", ".join(filter(None, (self._paint_word(instance, root.original), shape or size))) or "edited"
+
+    def colours(self) -> list[Instance]:
+        """Return the object on screen, then its versions and earlier states of the same shape, the newest first."""
+        editor = self._editor
+        colours = [editor.scene.instance]
+        name = editor.state.version_of
+        if not name:
+            return colours
+        states = [state.scene.instance for state in reversed(editor.history.states) if state.version_of == name]
+        kept = editor.objects.states(name) if editor.objects.is_added(name) else [editor.objects[name].instance]
+        for instance in (*states, *reversed(kept)):
+            if not instance.is_missing and is_variant(colours[0], instance) and instance not in colours:
+                colours.append(instance)
+        return colours[:_MOST_COLOURS]
+
+    def colour_versions(self) -> dict[str, Instance]:
+        """Return the object on screen and its other versions of the same shape, by name, the newest first."""
+        variants: dict[str, Instance] = {}
+        root = self._editor.state.version_of
+        for instance in self.colours():
+            name = self.version(root, instance) if root else "as shown"
+            variants[unique_name(name, variants)] = instance
+        return variants
 
     def _paint_word(self, instance: Instance, original: Instance) -> str:
         """Return the colour of the last new paint, else the word of a changed texture, else "repainted"."""

@@ -4,7 +4,10 @@ import time
 from collections.abc import Iterator
 
 from core.detail.progressive import RenderJob, RenderSettings
+from core.export.dimensions import draw_dimensions
+from core.export.films import View
 from core.export.video_frames import FEW_PIXELS, FEW_SAMPLES, Image, over, rendered_pixels
+from core.geometry.camera import Camera
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
@@ -28,7 +31,7 @@ class SharePreview:
         """Update the preview; call once a frame while it is visible."""
         scene = self._editor.scene
         partner = self._editor.film_partner
-        looks = settings.kind, settings.wide, settings.size, settings.shows_shadow
+        looks = settings.kind, settings.wide, settings.size, settings.shows_shadow, settings.unit
         inputs = scene, partner, *looks
         if inputs == self._inputs or self._editor.history.gesture:
             return
@@ -45,8 +48,12 @@ class SharePreview:
             for frame in self._jobs.frames(RenderJob(views[0].instance, camera, few, shadow=settings.shows_shadow)):
                 seconds += time.perf_counter() - began
                 pace = seconds / (camera.width * camera.height)
-                yield (over(frame, None, camera), work * pace or None) if frame else None
+                yield (with_dimensions(over(frame, None, camera), camera), work * pace or None) if frame else None
                 began = time.perf_counter()
+
+        def with_dimensions(image: Image, camera: Camera) -> Image:
+            shows = settings.unit and settings.kind in ("page", "picture")
+            return draw_dimensions(image, View(scene.instance, camera), settings.unit) if shows else image
 
         def rendered(preview: tuple[Image, float | None]) -> None:
             self.image, self.seconds = preview

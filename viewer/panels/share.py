@@ -10,7 +10,8 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.editing.size import size_of
 from core.export.mesh_formats import FORMATS as MESHES
-from core.export.mesh_formats import LARGEST_PRINT, PRINTED, TEXTURED
+from core.export.mesh_formats import TEXTURED
+from core.export.print_formats import LARGEST_PRINT, PRINTED
 from core.export.video import FORMATS as VIDEOS
 from core.export.video_frames import Image
 from core.gl.background import Background, Rgb, background_rows
@@ -21,7 +22,7 @@ from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import Colour, packed
 from viewer.values.duration import duration
 from viewer.values.printable import printable
-from viewer.values.share_settings import BACKGROUNDS, FILMS, KINDS, WIDE, ShareSettings, films_of
+from viewer.values.share_settings import BACKGROUNDS, DIMENSIONS, FILMS, KINDS, WIDE, ShareSettings, films_of
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import begin_dialog, button, choose, draw_progress, flow, tooltip
 
@@ -51,7 +52,18 @@ _SIZES = {
 _CELLS = {0: "Automatic"} | {cells: f"{cells} cells" for cells in (96, 128, 192, 256, 384, 512)}
 _TRIANGLES = {0: "Automatic"} | {count: f"{count:,} at most" for count in (100_000, 30_000, 8_000, 2_000)}
 _TEXTURES = {512: "Image, 512 px", 1024: "Image, 1024 px", 2048: "Image, 2048 px", 0: "At the vertices"}
-_FORMATS = "glb opens in most programs and holds the camera; it and obj name parts; stl and 3mf are for printers, in mm"
+_FORMATS = (
+    "glb opens in most programs and holds the camera; it, usdz and obj name parts; "
+    "stl and 3mf are for printers, in mm, 3mf with a filament for each part"
+)
+_USES = {
+    ".glb": ("Any program###glb", "glb: for Blender, the web and games"),
+    ".usdz": ("AR for iPhone###usdz", "usdz: opened on an iPhone, it stands in the room in its true size"),
+    ".3mf": ("3D print###3mf", "3mf: in mm, with a filament for each part"),
+}  # formats by their use
+_DIMENSIONS = "Width, depth and height beside the object, as in a furniture catalogue; of a film on its last frame"
+_ROOM = "Phones place the object in the room. Writes a glb beside the page, which Android needs, on a web server"
+_VERSIONS = "One file with all colours of this object: swatches of a page, variants of a glb"
 _SIDE, _LABEL, _WIDTH = 16, 6.5, 13  # em: side of the preview, widths of labels and of controls
 _CHECKS = 16  # px, side of a square in the pattern that stands for transparency
 
@@ -93,6 +105,7 @@ class ShareDialog:
         if changed.kind == "page":
             for line in _ON_A_PAGE:
                 imgui.text(line)
+            changed = _draw_switches(context, _draw_dimensions(changed))
         else:
             changed = self._draw_choices(context, changed)
         imgui.end_group()
@@ -110,7 +123,10 @@ class ShareDialog:
         room = _LABEL + _WIDTH - 0.6
         if settings.kind in FILMS:
             settings = _draw_films(context, settings, room)
-        if settings.kind != "mesh":
+        if settings.kind == "mesh":
+            settings = replace(settings, mesh=_draw_toggles(settings.mesh, _USES, room / len(_USES)))
+            settings = _draw_switches(context, settings)
+        else:
             settings = replace(settings, size=_draw_toggles(settings.size, _SIZES, room / len(_SIZES)))
         if button("Less###more" if self._more else "More…###more", "Format, background, and choices that few change"):
             self._more = not self._more
@@ -221,6 +237,22 @@ def _sources(shares: tuple[float, float] | None) -> str:
     return f"Photo {photo:.0%}, mirror image {mirrored:.0%}, model {1 - photo - mirrored:.0%}"
 
 
+def _draw_dimensions(settings: ShareSettings) -> ShareSettings:
+    return _row(settings, "unit", "Dimensions", DIMENSIONS, _DIMENSIONS)
+
+
+def _draw_switches(context: PanelContext, settings: ShareSettings) -> ShareSettings:
+    """Draw the switches of further contents of a page or a mesh; return the changed settings."""
+    if settings.kind == "page":
+        settings = replace(settings, room=imgui.checkbox("In the room, on phones###room", settings.room)[1])
+        tooltip(_ROOM)
+    if settings.holds_versions and (count := len(context.session.names.colours())) > 1:
+        checked = imgui.checkbox(f"All versions ({count})###versions", settings.all_versions)[1]
+        settings = replace(settings, all_versions=checked)
+        tooltip(_VERSIONS)
+    return settings
+
+
 def _draw_form(settings: ShareSettings, instance: Instance) -> ShareSettings:
     """Draw the further choices for a kind of file, a line each; return the changed settings."""
     if settings.kind == "mesh":
@@ -234,7 +266,7 @@ def _draw_form(settings: ShareSettings, instance: Instance) -> ShareSettings:
         text = "mp4 is the smallest, gif plays everywhere; png frames are a folder of images"
         formats = {name: video.label for name, video in VIDEOS.items()}
         settings = _row(settings, "video", "Format", formats, text)
-    return _draw_background(settings)
+    return _draw_background(_draw_dimensions(settings))
 
 
 def _draw_mesh(settings: ShareSettings, instance: Instance) -> ShareSettings:

@@ -13,7 +13,7 @@ from core.edits.paint import Rgb
 from core.export.films import View
 from core.export.framing import filling_distance
 from core.export.mesh import export_mesh
-from core.export.page import write_page
+from core.export.page import PageExtras, write_page
 from core.export.video import VideoSettings, write_video
 from core.export.video_frames import Image, render_frames
 from core.fitting.fit import FitJob, FitStep, fit
@@ -48,8 +48,8 @@ class Backend:
     view_bank: Callable[[Model], Iterator[float]] = build_view_bank
     pictures: Callable[..., Iterator[Image | None]] = render_frames
     video: Callable[[list[View], Path, VideoSettings], Iterator[int]] = write_video
-    mesh: Callable[..., Iterator[float]] = export_mesh
-    page: Callable[[Instance, Camera, Path, str], Iterator[None]] = write_page
+    mesh: Callable[..., Generator[float, None, str]] = export_mesh
+    page: Callable[[Instance, Camera, Path, str, PageExtras], Iterator[float | None]] = write_page
     guess_category: Callable[[CutOut], dict[str, float]] = lambda cut: cut.categories
     direction_words: Callable[[Model], Iterator[Words | None]] = direction_words
     bake: Callable[[Instance], Iterator[BakedField | None]] = bake

@@ -3,11 +3,13 @@
 from dataclasses import dataclass, replace
 
 from core.export import video
+from core.export.dimensions import with_room
 from core.export.films import View, morph, swing, turntable
 from core.export.framing import filling_frame
-from core.export.mesh import MAX_RESOLUTION, MeshSettings
-from core.export.mesh_formats import FORMATS, TEXTURED
+from core.export.mesh import MeshSettings
+from core.export.mesh_formats import FORMATS, TEXTURED, VARIED
 from core.export.page import SUFFIX, first_camera
+from core.export.surface import MAX_RESOLUTION
 from core.export.video import WHITE, VideoSettings
 from core.gl.background import Background, Gradient, Rgb
 from core.models.model import Instance
@@ -17,6 +19,7 @@ FILMS = {"swing": "Swing", "turntable": "Turn", "morph": "Morph"}  # labels of t
 KINDS = {"page": "Page", **dict.fromkeys(FILMS, "Film"), "picture": "Picture", "mesh": "Object"}  # labels
 WIDE = 16 / 9  # width of a wide image over its height
 RATE = 24  # frames per second of every video
+DIMENSIONS = {"": "None", "cm": "Centimetres", "in": "Inches"}  # labels of the units of dimensions around the object
 BACKGROUNDS = {"view": "As in the view", "white": "White", "colour": "Colour", "transparent": "Transparent"}
 """Labels of the backgrounds."""
 
@@ -37,11 +40,14 @@ class ShareSettings:
     cells: int = 0  # cells of a mesh along the longest side; 0: as many as the detail needs
     texture: int = 1024  # px of a mesh's colour image; 0: colours per vertex
     triangles: int = 0  # limit of a mesh; 0: as many as the detail needs
+    unit: str = ""  # of the dimensions on a page, a picture or a film's last frame, one of :data:`DIMENSIONS`
+    all_versions: bool = False  # a page or a glb holds all colours of the object
+    room: bool = False  # phones place the object of a page in a room
     metres: float = 0.0  # longest side of a mesh of an object that was not sized; 0: usual for the model
 
     def __post_init__(self) -> None:
         choices = (
-            *((self.kind, KINDS), (self.background, BACKGROUNDS)),
+            *((self.kind, KINDS), (self.background, BACKGROUNDS), (self.unit, DIMENSIONS)),
             *((self.video, video.FORMATS), (self.picture, IMAGE_FORMATS), (self.mesh, FORMATS)),
         )
         for chosen, among in choices:
@@ -59,6 +65,11 @@ class ShareSettings:
     def suffix(self) -> str:
         """The ending of the file's name."""
         return {"page": SUFFIX, "picture": self.picture, "mesh": self.mesh}.get(self.kind, self.video)
+
+    @property
+    def holds_versions(self) -> bool:
+        """True if the file can hold several colours of the object."""
+        return self.kind == "page" or (self.kind == "mesh" and self.mesh in VARIED)
 
     @property
     def can_be_transparent(self) -> bool:
@@ -88,7 +99,7 @@ class ShareSettings:
     @property
     def video_settings(self) -> VideoSettings:
         """The settings for writing a video."""
-        return VideoSettings(RATE, background=self.behind, shadow=self.shows_shadow)
+        return VideoSettings(RATE, background=self.behind, shadow=self.shows_shadow, unit=self.unit)
 
     def mesh_settings(self, instance: Instance) -> MeshSettings:
         """Return the settings for writing an object as a mesh that stands on the ground, in metres.
@@ -118,10 +129,15 @@ class ShareSettings:
         """
         if self.kind == "page":
             first = first_camera(scene.instance, scene.photo_camera)
-            return [View(scene.instance, first.resized(self.size, self.size))]
+            return self._with_room([View(scene.instance, first.resized(self.size, self.size))])
         width = round(self.size * WIDE / 2) * 2 if self.wide else self.size
         shots = self._shots(scene, partner)
-        return filling_frame([shot._replace(camera=shot.camera.resized(width, self.size)) for shot in shots])
+        resized = [shot._replace(camera=shot.camera.resized(width, self.size)) for shot in shots]
+        return self._with_room(filling_frame(resized))
+
+    def _with_room(self, views: list[View]) -> list[View]:
+        """Return views that leave room for the dimensions, if they are to be shown."""
+        return with_room(views) if self.unit and self.kind != "mesh" else views
 
     def _shots(self, scene: Scene, partner: Instance | None) -> list[View]:
         """Return the views of an image or of a film around the object, at the size of its camera."""

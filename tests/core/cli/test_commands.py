@@ -135,6 +135,24 @@ def test_mesh_writes_the_object():
     assert Path("a.ply").read_bytes().startswith(b"ply")
     run("mesh --model m.safetensors --object 1 --resolution 24 --texture 64 --metres 0.9 --out a.glb")
     assert b"baseColorTexture" in Path("a.glb").read_bytes()
+    run("mesh --model m.safetensors --object 1 --resolution 24 --texture 64 --out a.usdz")
+    assert Path("a.usdz").read_bytes().startswith(b"PK")
+
+
+def test_scenes_of_one_shape_are_variants_of_a_mesh_and_of_a_page(capsys: pytest.CaptureFixture[str]):
+    tiny_model().save(Path("m.safetensors"))
+    scene = "--model m.safetensors --object 1 --size 16"
+    run(f"render {scene} --out plain.png")
+    run(f"render {scene} --paint c03028 --dimensions cm --out red.png")
+    run(f"render {scene} --size-cm 60x58x92 --out wide.png")
+    mesh = "mesh --model m.safetensors --scene plain.png --resolution 24 --texture 64"
+    run(f"{mesh} --variants red.png --out a.glb")
+    assert b'"variants": [{"name": "plain"}, {"name": "red"}]' in Path("a.glb").read_bytes()
+    assert "wide has another shape" in refused(capsys, f"{mesh} --variants red.png wide.png --out b.glb")
+    assert "two variants are named red" in refused(capsys, f"{mesh} --variants red.png red.png --out b.glb")
+    run("page --model m.safetensors --scene plain.png --variants red.png --dimensions in --ar --out a.html")
+    text = Path("a.html").read_text()
+    assert '"name":"red","colour":"#' in text and ' in"' in text and '"glb":"a.glb"' in text
 
 
 def test_a_mesh_stands_on_the_ground_in_natural_size_and_may_be_too_large_to_print(capsys: pytest.CaptureFixture[str]):

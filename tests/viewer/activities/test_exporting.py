@@ -1,14 +1,18 @@
 import errno
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from PIL import Image
 
+from core.edits.paint import PartPaint
+from core.edits.stretch import Stretch
 from core.export.films import TURN
+from core.models.model import Instance
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import Clock
 from viewer.editor import Editor
@@ -75,6 +79,35 @@ def test_an_unwritable_export_is_reported(session: Session, tmp_path: Path, kind
         assert len(session.messages.errors) == 1, name
         assert not session.exporting.running
     assert list(tmp_path.iterdir()) == []
+
+
+def test_all_colours_of_one_shape_go_into_one_file(session: Session, editor: Editor, tmp_path: Path) -> None:
+    written: list[dict[str, Instance]] = []
+
+    def mesh(*arguments: Any) -> Generator[float, None, str]:
+        written.append(arguments[-1])
+        yield 1.0
+        return "legs are thin"
+
+    session.jobs.backend = replace(session.jobs.backend, mesh=mesh)
+    plain = editor.scene.instance
+    red, blue = (
+        plain.with_edits(PartPaint, PartPaint("", colour, (0.5, 0.5, 0.5)))
+        for colour in ((0.8, 0.1, 0.1), (0.1, 0.1, 0.8))
+    )
+    wide = blue.with_edits(Stretch, Stretch((1.2, 1.0, 1.0)))
+    for name, instance, settings in (
+        ("a.glb", red, ShareSettings("mesh", all_versions=True)),
+        ("b.glb", blue, ShareSettings("mesh", all_versions=True)),
+        ("c.3mf", blue, ShareSettings("mesh", mesh=".3mf", all_versions=True)),
+        ("d.glb", wide, ShareSettings("mesh", all_versions=True)),
+    ):
+        editor.edit(instance)
+        session.exporting.share(tmp_path / name, settings)
+        finish(session, lambda: not session.exporting.running)
+    assert [[*variants.values()] for variants in written] == [[red, plain], [blue, red, plain], [], [wide]]
+    assert len(written[1]) == 3  # names differ
+    assert "Saved c.3mf: legs are thin" in [message.text for message in session.messages.all]
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.webp"])

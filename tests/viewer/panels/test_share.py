@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -14,6 +15,8 @@ import trimesh
 from imgui_bundle import imgui
 from PIL import Image
 
+from core.edits.paint import PartPaint
+from core.export.page import PageExtras
 from core.metrics import psnr
 from core.models.field import Field
 from core.models.missing import MissingInstance
@@ -76,6 +79,39 @@ def test_a_page_is_saved_in_four_actions_and_begins_like_its_preview(
         assert psnr(first[..., 3], pixels[..., 3]) > 25  # colours of an untrained network are not the same when baked
 
     drive(act, replace(real_backend, load_model=lambda name: block))
+
+
+def test_a_seat_in_five_colours_is_a_page_of_swatches_in_four_actions(drive: Drive, backend: Backend, tmp_path: Path):
+    pages: list[PageExtras] = []
+
+    def page(*arguments: Any) -> Iterator[None]:
+        pages.append(arguments[-1])
+        yield None
+
+    def act(window: Driver) -> None:
+        editor = window.session.editor
+        window.context.files.saves = tmp_path
+        plain = editor.scene.instance
+        for number in range(5):
+            editor.edit(plain.with_edits(PartPaint, PartPaint("seat", (0.2 * number, 0.1, 0.1), (0.5, 0.5, 0.5))))
+        window.press(imgui.Key.mod_ctrl, imgui.Key.e)  # 1
+        window.click("Share/###page")  # 2
+        window.click("Share/###versions")  # 3
+        window.click("Share/###save here")  # 4
+        window.wait(lambda: bool(pages) and not window.session.exporting.running)
+        assert len(pages[0].variants) == 6 and plain in pages[0].variants.values()
+        assert (pages[0].unit, pages[0].room) == ("", False)
+        window.click("Share/###room")
+        choose(window, "##unit", "Centimetres")
+        window.click("Share/###save here")
+        window.wait(lambda: len(pages) == 2)
+        assert (pages[1].unit, pages[1].room) == ("cm", True)
+        window.click("Share/###mesh")
+        window.click("Share/###usdz")
+        assert window.context.preferences.share.mesh == ".usdz"
+        assert not window.exists("Share/###versions")
+
+    drive(act, replace(backend, page=page))
 
 
 def test_a_turntable_is_saved_and_its_folder_shown(drive: Drive, tmp_path: Path, real_backend: Backend, model: Model):
