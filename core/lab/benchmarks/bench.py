@@ -21,6 +21,7 @@ from core.lab.benchmarks.held_out_views import held_out_view
 from core.lab.benchmarks.results import append_rows, keys_of, read_frame, write_frame
 from core.lab.datasets.splits import evenly_spaced
 from core.lab.datasets.srn import index_objects
+from core.models.library import shipped_models
 from core.runtime.threads import thread_count, use_threads
 
 BENCHMARKS: dict[str, ModuleType] = {
@@ -56,8 +57,14 @@ class Plan(NamedTuple):
 
 
 def plan_tasks(plan: Plan) -> list[Task]:
-    """Return all tasks: views, then objects, then benchmarks. Raises ``ValueError`` like :func:`index_objects`."""
+    """Return all tasks: views, then objects, then benchmarks.
+
+    Raises ``ValueError`` like :func:`index_objects`, and for a dataset of a category without a shipped model.
+    """
     indexed = [index_objects([folder]) for folder in plan.datasets]
+    for folder, (category, _) in zip(plan.datasets, indexed, strict=True):
+        if category not in shipped_models():
+            raise ValueError(f"{folder}: there is no model of its category {category!r}; its manifest.json names it")
     lists = [[(kind, entry.name) for entry in evenly_spaced(entries, plan.objects)] for kind, entries in indexed]
     rounds = max(map(len, lists))
     alternating = [names[index] for index in range(rounds) for names in lists if index < len(names)]

@@ -85,7 +85,9 @@ class HeldOutView:
 def held_out_view(datasets: tuple[Path, ...], category: str, name: str, number: int) -> HeldOutView:
     """Return an object of datasets of a shipped model's category, with the next object and one of another category."""
     model = load_model(category)
-    entries = {kind: list(index_objects([folder])[1]) for folder in datasets for kind in index_objects([folder])[:1]}
+    entries = dict[str, list[ObjectEntry]]()
+    for kind, objects in map(index_objects, zip(datasets, strict=True)):
+        entries.setdefault(kind, []).extend(objects)
     names = [entry.name for entry in entries[category]]
     position = names.index(name)
     strangers = next((objects for kind, objects in entries.items() if kind != category), [])

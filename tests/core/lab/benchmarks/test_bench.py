@@ -8,6 +8,9 @@ from core.lab.benchmarks.bench import BENCHMARKS, Plan, plan_tasks, run
 from core.lab.benchmarks.exports import ExportTrial
 from core.lab.benchmarks.held_out_views import DATASETS, HeldOutView
 from core.lab.benchmarks.results import read_frame
+from core.lab.datasets.srn import write_object
+from tests.core.lab.evaluation.test_protocol import views_of
+from tests.core.tiny import tiny_model
 
 CODE = {"commit": "a1", "processor": "p", "date": "2026-11-28"}
 PLAN = Plan(DATASETS, ("exports",), objects=1, quick=True)
@@ -34,6 +37,12 @@ def test_views_come_before_objects_and_categories_alternate() -> None:
     assert [category for category, _ in objects] == ["chairs", "cars", "chairs", "cars"]
     assert {task.benchmark for task in tasks if task.number == 1} == {"stability"}
     assert len(set(tasks)) == len(tasks)
+
+
+def test_a_dataset_of_an_unknown_category_is_named(tmp_path: Path) -> None:
+    write_object(tmp_path / "d", views_of(tiny_model(), 0, 2))
+    with pytest.raises(ValueError, match="d: there is no model of its category ''"):
+        plan_tasks(Plan((tmp_path / "d",)))
 
 
 def test_a_run_goes_on_where_one_ended(tmp_path: Path, measured: list[str]) -> None:

@@ -46,6 +46,11 @@ def test_photos_and_scored_views_differ_and_stay_the_same():
     assert view.partner.name == "kenney_van" and view.stranger.name == "polyhaven_dining_chair_02"
 
 
+def test_datasets_of_one_category_are_joined():
+    folders = DATASETS[0], DATASETS[0]
+    assert held_out_view(folders, "chairs", "polyhaven_armchair_01", 0).stranger is None
+
+
 def test_an_object_of_too_few_views_is_refused():
     with pytest.raises(ValueError, match="stool0: a benchmark needs 10 views"):
         HeldOutView(tiny_model(), views_of(tiny_model(), 0, 4))
