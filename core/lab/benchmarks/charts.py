@@ -5,6 +5,7 @@ Chairs and cars have a colour and a marker each; n and date stand in the corner.
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -225,21 +226,29 @@ def level_rows(trials: pd.DataFrame) -> pd.DataFrame:
     return trials.assign(level=split)[split.isin(LEVELS)]
 
 
-CHARTS: dict[str, tuple[Callable[[Frames], Figure], tuple[str, ...]]] = {
-    "speed": (speed_chart, ("fits",)),
-    "frames": (frames_chart, ("frames",)),
-    "exports": (exports_chart, ("exports",)),
-    "stability": (stability_chart, ("fits", "stability")),
-    "freedom": (freedom_chart, ("fits",)),
-}  # figure of each file, and the benchmarks it needs
+class Chart(NamedTuple):
+    """A figure, its description, and the benchmarks whose rows it shows."""
+
+    figure: Callable[[Frames], Figure]
+    title: str
+    benchmarks: tuple[str, ...]
+
+
+CHARTS = {
+    "speed": Chart(speed_chart, "Seconds of one core against degrees and dB, by method", ("fits",)),
+    "frames": Chart(frames_chart, "Milliseconds against dB to the exact render, by renderer", ("frames",)),
+    "exports": Chart(exports_chart, "Seconds against size, by kind of file", ("exports",)),
+    "stability": Chart(stability_chart, "Right cameras against how wrong the input is", ("stability", "fits")),
+    "freedom": Chart(freedom_chart, "dB of other views against the numbers that are free, by photos", ("fits",)),
+}  # by file name
 
 
 def draw(frames: Frames, folder: Path) -> list[Path]:
     """Write all charts whose rows were measured as PNG files; return these."""
     drawn = []
-    for title, (chart, needed) in CHARTS.items():
-        if all(name in frames for name in needed):
-            path = folder / f"{title}.png"
-            chart(frames).savefig(path, dpi=_DPI, metadata={"Software": ""})
+    for name, chart in CHARTS.items():
+        if set(chart.benchmarks) <= set(frames):
+            path = folder / f"{name}.png"
+            chart.figure(frames).savefig(path, dpi=_DPI, metadata={"Software": ""})
             drawn.append(path)
     return drawn

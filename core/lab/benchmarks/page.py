@@ -7,17 +7,19 @@ hand.
 
 import re
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 
 from core.fitting.confidence import RIGHT_DEGREES, auroc, fit_calibration
 from core.lab.benchmarks.bench import BENCHMARKS
-from core.lab.benchmarks.charts import Frames, draw, level_rows
+from core.lab.benchmarks.charts import CHARTS, Frames, draw, level_rows
 from core.lab.benchmarks.fits import DEFAULT, LEVELS, SPEED, WITHOUT
 from core.lab.benchmarks.frames import SIZES
+from core.lab.benchmarks.pictures import EXCHANGE, FAILURE
 from core.lab.benchmarks.results import read_frame
-from core.lab.benchmarks.stability import wrong_and_sure
+from core.lab.benchmarks.stability import surest_mistakes, wrong_and_sure
 from core.lab.benchmarks.stressors import STRESSORS
 from core.lab.evaluation.statistics import format_difference, mean_of
 
@@ -36,6 +38,8 @@ def write_page(folder: Path) -> list[Path]:
     Raise ``ValueError`` if there is no CSV file of a benchmark.
     """
     frames = read_frames(folder)
+    if not frames:
+        raise ValueError(f"{folder}: no CSV file of a benchmark in it")
     page = folder / PAGE
     written = draw(frames, folder)
     if page.exists():
@@ -45,12 +49,9 @@ def write_page(folder: Path) -> list[Path]:
 
 
 def read_frames(folder: Path) -> dict[str, pd.DataFrame]:
-    """Return the rows of all benchmarks measured in a folder. Raise ``ValueError`` if there are none."""
+    """Return the rows of all benchmarks measured in a folder."""
     paths = {name: folder / f"{name}.csv" for name in BENCHMARKS}
-    frames = {name: read_frame(path) for name, path in paths.items() if path.exists()}
-    if not frames:
-        raise ValueError(f"{folder}: no CSV file of a benchmark in it")
-    return frames
+    return {name: read_frame(path) for name, path in paths.items() if path.exists()}
 
 
 def fill(page: str, frames: Frames) -> str:
@@ -61,7 +62,7 @@ def fill(page: str, frames: Frames) -> str:
         if name not in BLOCKS:
             raise ValueError(f"the page has no block {name!r}; there are {', '.join(BLOCKS)}")
         needed, write = BLOCKS[name]
-        content = write(frames) if needed in frames else _MISSING
+        content = write(frames) if set(needed) <= set(frames) else _MISSING
         return f"<!-- {name} -->{match[2]}{content}{match[2]}<!-- end -->"
 
     return re.sub(r"<!-- (\w+) -->(\n?).*?\n?<!-- end -->", block, page, flags=re.DOTALL)
@@ -248,6 +249,19 @@ def _exchange_sentence(frames: Frames) -> str:
     return f"Largest change of opacity: {trials.opacity.max():.2g}. Against the renders: {worths} (n = {len(trials)})."
 
 
+# Pictures
+
+
+def _link(name: str, _: Frames) -> str:
+    return f"![{CHARTS[name].title}]({name}.png)"
+
+
+def _failure_picture(frames: Frames) -> str:
+    if surest_mistakes(frames["stability"]).empty:
+        return "No fit of a photo was wrong."
+    return f"![The photo, the fit from its camera, another true view, the fit from there]({FAILURE})"
+
+
 _RECONSTRUCTION = {
     "biases, 1": "1 view",
     "biases, 2": "2 views",
@@ -258,16 +272,21 @@ _RECONSTRUCTION = {
     "paper": "the paper's recipe, 1 view, camera unknown",
 }
 _EXCHANGE = {"exchanged": "the fit", "shape": "its shape in the first texture", "texture": "its texture on its object"}
-BLOCKS: dict[str, tuple[str, Callable[[Frames], str]]] = {
-    "origin": ("fits", _origin),
-    "speed": ("fits", _speed_sentences),
-    "speed_table": ("fits", _speed_table),
-    "frames": ("frames", _frames_sentence),
-    "exports": ("exports", _exports_sentence),
-    "stability": ("stability", _stability_sentences),
-    "confidence": ("fits", _confidence_sentence),
-    "freedom": ("fits", _freedom_sentences),
-    "parts_table": ("fits", _parts_table),
-    "reconstruction_table": ("fits", _reconstruction_table),
-    "exchange": ("disentanglement", _exchange_sentence),
-}  # the benchmark that each block needs, and its function
+_Block = tuple[tuple[str, ...], Callable[[Frames], str]]
+
+BLOCKS: dict[str, _Block] = {
+    "origin": (("fits",), _origin),
+    "speed": (("fits",), _speed_sentences),
+    "speed_table": (("fits",), _speed_table),
+    "frames": (("frames",), _frames_sentence),
+    "exports": (("exports",), _exports_sentence),
+    "stability": (("stability",), _stability_sentences),
+    "confidence": (("fits",), _confidence_sentence),
+    "freedom": (("fits",), _freedom_sentences),
+    "parts_table": (("fits",), _parts_table),
+    "reconstruction_table": (("fits",), _reconstruction_table),
+    "exchange": (("disentanglement",), _exchange_sentence),
+    "failure_picture": (("stability",), _failure_picture),
+    "exchange_picture": (("disentanglement",), lambda _: f"![Every shape, a row, in every texture]({EXCHANGE})"),
+    **{f"{name}_chart": (chart.benchmarks, partial(_link, name)) for name, chart in CHARTS.items()},
+}  # the benchmarks that each block needs, and its function

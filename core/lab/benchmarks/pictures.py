@@ -14,7 +14,7 @@ from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.lab.benchmarks.fits import DEFAULT
 from core.lab.benchmarks.held_out_views import HeldOutView, held_out_view
-from core.lab.benchmarks.stability import corrupted_photos
+from core.lab.benchmarks.stability import corrupted_photos, surest_mistakes
 from core.lab.benchmarks.stressors import STRESSORS
 from core.lab.datasets.splits import evenly_spaced
 from core.lab.datasets.srn import index_objects
@@ -45,10 +45,8 @@ def draw_failure(datasets: tuple[Path, ...], trials: pd.DataFrame, out: Path) ->
 
     Draws nothing where no fit of a photo is wrong.
     """
-    ours = trials[~trials.right & (trials.method == DEFAULT) & trials.rotation.notna()]
-    surest = ours.sort_values("confidence", ascending=False).drop_duplicates("category")
     rows = []
-    for trial in surest.itertuples():
+    for trial in surest_mistakes(trials).itertuples():
         view = held_out_view(datasets, str(trial.category), str(trial.name), int(trial.number))
         photos = corrupted_photos(view, STRESSORS[str(trial.stressor)], float(trial.level))
         *_, last = fit(view.model, FitJob(photos, PRESETS[DEFAULT], view.seed))

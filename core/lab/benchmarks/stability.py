@@ -13,14 +13,14 @@ from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
 from core.fitting.fit import PRESETS, FitJob, FitStep
 from core.fitting.paper import fit_as_set
 from core.geometry.pixels import to_bytes
-from core.lab.benchmarks.fits import camera_error
+from core.lab.benchmarks.fits import DEFAULT, camera_error
 from core.lab.benchmarks.held_out_views import SCORED_VIEWS, HeldOutView
 from core.lab.benchmarks.stressors import STRESSORS, Cutout, Stressor, with_focal
 from core.lab.datasets.srn import ObjectViews
 from core.photos.photo import Photo, prepare_photo
 from core.photos.segmentation import cut_out
 
-METHODS = ("normal", "paper")  # presets
+METHODS = (DEFAULT, "paper")  # presets
 _REFUSED = "refused"
 
 
@@ -109,3 +109,9 @@ def _photo(view: HeldOutView, cutout: Cutout, focal: float | None = None) -> Pho
 def wrong_and_sure(trials: pd.DataFrame, threshold: float) -> pd.Series:
     """Mark wrong results whose confidence reaches a threshold."""
     return ~trials.right & (trials.confidence.fillna(0.0) >= threshold)
+
+
+def surest_mistakes(trials: pd.DataFrame) -> pd.DataFrame:
+    """Return the wrong fit of a photo by the default with the highest confidence, of each category that has one."""
+    wrong = trials[~trials.right & (trials.method == DEFAULT) & trials.rotation.notna()]
+    return wrong.sort_values("confidence", ascending=False).drop_duplicates("category")

@@ -130,7 +130,7 @@ STRESSORS = {
     "truncation": Stressor("Truncated by the image", "of the object", (0.1, 0.2, 0.3), _truncate),
     "blur": Stressor("Blur", "px", (1.0, 2.0, 4.0), _blur),
     "noise": Stressor("Noise", "of white", (0.05, 0.1, 0.2), _add_noise),
-    "exposure": Stressor("Exposure", "stops", (-2.0, -1.0, 1.0), _expose),
+    "exposure": Stressor("Exposure", "EV", (-2.0, -1.0, 1.0), _expose),
     "holes": Stressor("Holes in the mask", "of the object", (0.1, 0.3), _pierce),
     "dilated": Stressor("Mask too wide", "px", (2.0, 4.0), _dilate),
     "legs": Stressor("Mask without legs", "of the height", (0.1, 0.2), _cut_legs),

@@ -3,17 +3,22 @@ import pytest
 
 from core.lab.benchmarks.fits import CASES, SPEED
 from core.lab.benchmarks.held_out_views import BENCHMARK
-from core.lab.benchmarks.page import BLOCKS, PAGE, fill, read_frames
+from core.lab.benchmarks.page import BLOCKS, PAGE, fill, read_frames, write_page
 
 CHARTS_FOLDER = BENCHMARK.parent / "charts"
-MOST_LINES = 120
+MOST_LINES, MOST_WORDS, MOST_COLUMNS = 120, 12, 5  # of the page, of a cell, of a table
 
 
-def test_the_page_is_short_and_has_every_block() -> None:
+def test_the_page_shows_the_numbers_of_the_rows() -> None:
     page = (CHARTS_FOLDER / PAGE).read_text(encoding="utf-8")
-    assert fill(page, {}) == page
+    assert fill(page, read_frames(CHARTS_FOLDER)) == page
     assert all(f"<!-- {name} -->" in page for name in BLOCKS)
     assert len(page.splitlines()) <= MOST_LINES
+    for line in page.splitlines():
+        if line.startswith("|"):
+            cells = line.strip("|").split("|")
+            assert len(cells) <= MOST_COLUMNS, line
+            assert max(len(cell.split()) for cell in cells) <= MOST_WORDS, line
 
 
 def test_a_part_that_is_missing_leaves_its_blocks_empty() -> None:
@@ -22,7 +27,7 @@ def test_a_part_that_is_missing_leaves_its_blocks_empty() -> None:
     with pytest.raises(ValueError, match="no block 'unknown'"):
         fill("<!-- unknown -->\n<!-- end -->", {})
     with pytest.raises(ValueError, match="no CSV file of a benchmark"):
-        read_frames(BENCHMARK)
+        write_page(BENCHMARK)
 
 
 def test_the_worth_of_a_part_is_paired() -> None:
