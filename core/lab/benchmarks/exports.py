@@ -19,7 +19,6 @@ from core.models.model import Instance
 _SIDE = 384  # px of a video's frames
 _FRAMES = 48  # of a turn
 _TEXTURE = 1024  # px
-_AZIMUTH, _ELEVATION = 0.9, 0.4  # rad
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,7 @@ def cases(quick: bool) -> tuple[str, ...]:
 def measure(view: HeldOutView, case: str) -> tuple[ExportTrial]:
     """Write a file of a fitted object; videos and pages need OpenGL to be fast."""
     suffix, write = _EXPORTS[case]
-    camera = view.model.camera(_AZIMUTH, _ELEVATION)
+    camera = view.usual_camera
     instance = view.instance
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"object{suffix}"

@@ -8,7 +8,6 @@ import math
 import time
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +21,7 @@ from core.geometry.camera import Camera
 from core.lab.benchmarks.held_out_views import SCORED_VIEWS, HeldOutView
 from core.lab.evaluation.protocol import ViewScore
 from core.metrics import rotation_error
-from core.models.codes import CodeBook, CodeSpace
+from core.models.codes import CodeSpace
 from core.models.model import Model
 from core.runtime.precision import use_dtype
 
@@ -156,27 +155,11 @@ def free_numbers(model: Model, case: FitCase) -> int:
     return sum(len(space.std) for space in (model.codes.shape_space, model.codes.texture_space))
 
 
-@dataclass(frozen=True, eq=False)
-class LeadingCodes(CodeBook):
-    """A book of codes whose spaces have their leading directions only."""
-
-    directions: int = 0
-
-    @cached_property
-    def shape_space(self) -> CodeSpace:
-        """Leading directions of the shape codes."""
-        return self._leading(super().shape_space)
-
-    @cached_property
-    def texture_space(self) -> CodeSpace:
-        """Leading directions of the texture codes."""
-        return self._leading(super().texture_space)
-
-    def _leading(self, space: CodeSpace) -> CodeSpace:
-        return CodeSpace(space.mean, space.directions[: self.directions], space.std[: self.directions])
-
-
 def with_directions(model: Model, directions: int) -> Model:
     """Return a model whose objects differ along the leading directions of its codes only."""
-    book = model.codes
-    return replace(model, codes=LeadingCodes(book.shapes, book.textures, book.objects, book.collapsed, directions))
+    book = replace(model.codes)
+    for name in ("shape_space", "texture_space"):
+        space: CodeSpace = getattr(model.codes, name)
+        leading = CodeSpace(space.mean, space.directions[:directions], space.std[:directions])
+        vars(book)[name] = leading  # the value of the cached property
+    return replace(model, codes=book)

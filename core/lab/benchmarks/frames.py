@@ -30,7 +30,6 @@ FAST = (32, 64, 192)  # intervals along the longest side of the box; the last is
 STANDARD = 512  # samples
 _PIXELS = 2048  # of an image that are rendered exactly
 _CHUNK_POINTS = 16_384  # at a time, so that activations stay in cache
-_AZIMUTH, _ELEVATION = 0.9, 0.4  # rad
 
 Colours = Float[Tensor, "pixels 3"]
 _Result = TypeVar("_Result")
@@ -60,7 +59,7 @@ def cases(quick: bool) -> tuple[str, ...]:
 def measure(view: HeldOutView, case: str) -> tuple[FrameTiming, ...]:
     """Render a fitted object by all renderers at one size; baked ones need OpenGL."""
     size = int(case.removesuffix(" px"))
-    camera = view.model.camera(_AZIMUTH, _ELEVATION).resized(size, size)
+    camera = view.usual_camera.resized(size, size)
     generator = torch.Generator().manual_seed(view.seed)
     pixels = torch.randperm(size * size, generator=generator)[: min(_PIXELS, size * size)]
     standard = _exact(view.instance, camera, pixels, STANDARD)

@@ -25,6 +25,7 @@ BENCHMARK = Path(__file__).resolve().parents[3] / "assets" / "benchmark"
 DATASETS = (BENCHMARK / "chairs.views", BENCHMARK / "cars.views")
 MOST_PHOTOS = 5  # of an object in one fit
 SCORED_VIEWS = 5  # other views of an object that score its fits
+_AZIMUTH, _ELEVATION = 0.9, 0.4  # rad
 _FAR = 20.0  # degrees: a camera further off may still be right by symmetry
 _SYMMETRY_TOLERANCE = 5.0  # degrees: a view is symmetric if it matches the true one as well as a turn by this does
 _BACKGROUND = 0.99
@@ -63,6 +64,11 @@ class HeldOutView:
     def cameras(self, count: int = 1) -> tuple[Camera, ...]:
         """Return the true cameras of the first photos."""
         return tuple(self.views.cameras[index] for index in self.order[:count])
+
+    @property
+    def usual_camera(self) -> Camera:
+        """A camera that sees the object from the side and above, of the training images' size."""
+        return self.model.camera(_AZIMUTH, _ELEVATION)
 
     def score(self, instance: Instance) -> ViewScore:
         """Return the mean score of the other views, rendered from their true cameras."""

@@ -23,7 +23,6 @@ from core.models.model import Instance
 EXCHANGE, FAILURE = "exchange.png", "failure.png"
 _SIDE = 160  # px of an image
 _OBJECTS = 4  # of each category that exchange textures
-_AZIMUTH, _ELEVATION = 0.9, 0.35  # rad
 
 
 def draw_exchange(datasets: tuple[Path, ...], out: Path) -> None:
@@ -32,7 +31,7 @@ def draw_exchange(datasets: tuple[Path, ...], out: Path) -> None:
     for folder in datasets:
         category, entries = index_objects([folder])
         views = [held_out_view(datasets, category, entry.name, 0) for entry in evenly_spaced(entries, _OBJECTS)]
-        camera = views[0].model.camera(_AZIMUTH, _ELEVATION)
+        camera = views[0].usual_camera
         instances = [view.instance for view in views]
         rows = [[_image(shape.with_texture(texture), camera) for texture in instances] for shape in instances]
         blocks.append(_grid(rows))

@@ -15,7 +15,7 @@ from core.fitting.paper import fit_as_set
 from core.geometry.pixels import to_bytes
 from core.lab.benchmarks.fits import DEFAULT, camera_error
 from core.lab.benchmarks.held_out_views import SCORED_VIEWS, HeldOutView
-from core.lab.benchmarks.stressors import STRESSORS, Cutout, Stressor, with_focal
+from core.lab.benchmarks.stressors import STRESSORS, Cutout, Stressor
 from core.lab.datasets.srn import ObjectViews
 from core.photos.photo import Photo, prepare_photo
 from core.photos.segmentation import cut_out
@@ -103,7 +103,7 @@ def _cutout(views: ObjectViews, index: int) -> Cutout:
 
 def _photo(view: HeldOutView, cutout: Cutout, focal: float | None = None) -> Photo:
     cut = cut_out(Image.fromarray(to_bytes(cutout)).convert("RGBA"))
-    return prepare_photo(with_focal(cut, focal) if focal else cut, view.model)
+    return prepare_photo(replace(cut, focal=focal), view.model)
 
 
 def wrong_and_sure(trials: pd.DataFrame, threshold: float) -> pd.Series:

@@ -5,14 +5,11 @@ To add one, add a line to :data:`STRESSORS`.
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import binary_dilation, gaussian_filter
-
-from core.photos.segmentation import CutOut
 
 Cutout = Float[np.ndarray, "height width 4"]  # 0..1: colours on white, and alpha
 Corruption = Callable[[Cutout, float, np.random.Generator], Cutout]
@@ -118,11 +115,6 @@ def _join(cutout: Cutout, fraction: float, _: np.random.Generator) -> Cutout:
     space[neighbour[..., 3] > 0.5] = neighbour[neighbour[..., 3] > 0.5]
     margin = joined // 2  # the image stays a square around both
     return padded[:, margin : margin + cutout.shape[1]]
-
-
-def with_focal(cut: CutOut, pixels: float) -> CutOut:
-    """Return a cut-out whose file states a focal length."""
-    return replace(cut, focal=pixels)
 
 
 STRESSORS = {
