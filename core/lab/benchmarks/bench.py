@@ -84,9 +84,10 @@ def run(plan: Plan, out: Path, conditions: Mapping[str, str], report: Callable[[
         conditions: columns that say where rows come from (:func:`core.lab.benchmarks.machine.conditions`).
         report: gets a line for every row.
     """
+    tasks = plan_tasks(plan)
     out.mkdir(parents=True, exist_ok=True)
     finished = {benchmark: _finished(out / f"{benchmark}.csv", conditions) for benchmark in plan.benchmarks}
-    missing = [task for task in plan_tasks(plan) if tuple(task[1:]) not in finished[task.benchmark]]
+    missing = [task for task in tasks if tuple(task[1:]) not in finished[task.benchmark]]
     deadline = time.monotonic() + 60 * plan.minutes
     started = 0
 
