@@ -25,7 +25,7 @@ def bench_all(args: argparse.Namespace) -> None:
         args.objects or (_QUICK_OBJECTS if args.quick else None),
         args.views,
         args.quick,
-        args.minutes or (_QUICK_MINUTES if args.quick else float("inf")),
+        _QUICK_MINUTES if args.quick and args.minutes is None else args.minutes,
     )
     done = bench.run(plan, args.out, conditions(), say)
     frames = page.read_frames(args.out)

@@ -6,6 +6,7 @@ have been measured about as often. A later run goes on where one ended; rows by 
 measured anew.
 """
 
+import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -53,7 +54,7 @@ class Plan(NamedTuple):
     objects: int | None = None  # of each category; None: all
     views: int = 1  # of each object
     quick: bool = False  # a few cases only
-    minutes: float = float("inf")
+    minutes: float | None = None  # None: until all is done
 
 
 def plan_tasks(plan: Plan) -> list[Task]:
@@ -88,7 +89,7 @@ def run(plan: Plan, out: Path, conditions: Mapping[str, str], report: Callable[[
     out.mkdir(parents=True, exist_ok=True)
     finished = {benchmark: _finished(out / f"{benchmark}.csv", conditions) for benchmark in plan.benchmarks}
     missing = [task for task in tasks if tuple(task[1:]) not in finished[task.benchmark]]
-    deadline = time.monotonic() + 60 * plan.minutes
+    deadline = math.inf if plan.minutes is None else time.monotonic() + 60 * plan.minutes
     started = 0
 
     def in_time() -> Iterator[Task]:
