@@ -17,6 +17,9 @@ _FILES = [
     for file in sorted((_ROOT / "assets" / folder).rglob("*"))
     if file.suffix in (".npy", ".onnx", ".png", ".safetensors", ".webp")
 ]
+_FILES += [
+    file.relative_to(_ROOT) for file in sorted((_ROOT / "core" / "export").glob("page*")) if file.suffix != ".py"
+]
 
 
 def test_every_asset_is_package_data() -> None:
@@ -28,7 +31,7 @@ def test_every_asset_is_package_data() -> None:
         for pattern in listed
         if any(fnmatch(name, package) for package in included)
     ]
-    assert {file.parts[1] for file in _FILES} == set(_FOLDERS)
+    assert {file.parts[1] for file in _FILES} == {*_FOLDERS, "export"}
     assert [file for file in _FILES if not any(fnmatch(file.as_posix(), pattern) for pattern in patterns)] == []
 
 
