@@ -18,7 +18,7 @@ from viewer.screen import window
 from viewer.screen.splash import Splash
 from viewer.screen.window import NoDisplayError
 from viewer.services.memory import keep_little_free_memory, return_free_memory
-from viewer.services.single_instance import SingleInstance, Start, begin
+from viewer.services.single_instance import SingleInstance, Start, begin, display_name
 from viewer.services.worker import Worker
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def _session(chosen: argparse.Namespace, folder: Path | None, worker: Worker) ->
     from viewer.session import Session
 
     backend = Backend(partial(load_model, device=chosen.device))
-    return Session(worker, backend, None, folder, _found_again(chosen.model or "") or DEFAULT_MODEL)
+    return Session(worker, backend, None, folder, _found_again(chosen.model or "") or DEFAULT_MODEL, display_name())
 
 
 def _found_again(model: str) -> str:

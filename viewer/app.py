@@ -11,7 +11,6 @@ from imgui_bundle import hello_imgui, imgui
 
 from core.runtime.signals import TERMINATION, on_signals
 from viewer.actions import run_keys
-from viewer.autosave import Autosave
 from viewer.context import Panel, PanelContext
 from viewer.panels import all_panels, menu
 from viewer.panels.help import Help
@@ -102,7 +101,7 @@ class App:
             context.preferences = Preferences.load(self._folder)
             context.files.save_in(context.preferences.folder)
             context.clipboard = Clipboard(self._folder / "pasted")
-            context.autosave = Autosave(self.session, self._folder)
+            self.session.resume()
         return context
 
     def run(self) -> None:
@@ -291,8 +290,7 @@ class App:
             self._instance.end()
         self.context.files.close()
         self.session.jobs.worker.stop()  # its current step goes on while the session is saved
-        if self.context.autosave:
-            self.context.autosave.close()
+        self.session.recording.close()
         self._save_preferences()
         if self._folder:
             hello_imgui.save_user_pref("width", f"{self._width:.0f}")
@@ -307,8 +305,6 @@ class App:
         self._popup_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
         try:
             self.session.tick()
-            if self.context.autosave:
-                self.context.autosave.tick()
             for start in self._instance.starts() if self._instance else ():
                 self._take(start)
         except Exception as error:  # in one callback; the others run in the next frame

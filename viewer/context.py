@@ -12,8 +12,6 @@ from imgui_bundle import ImVec2, imgui
 from core.models.scene import embedded_scene
 from core.photos.clip import VIDEO_SUFFIXES
 from core.photos.decode import IMAGE_SUFFIXES
-from core.runtime.files import atomic_file
-from viewer.autosave import Autosave
 from viewer.screen.baked_canvas import BakedCanvas
 from viewer.screen.canvas import Canvas, Images
 from viewer.screen.file_dialog import FileDialog, FileRequest, is_there
@@ -22,7 +20,6 @@ from viewer.services.clipboard import Clipboard, copy_image
 from viewer.services.file_manager import show_in_folder
 from viewer.services.worker import Job
 from viewer.session import Session
-from viewer.values.encoding import Original
 from viewer.values.fit_history import Question
 from viewer.values.preferences import Preferences
 from viewer.values.printable import file_name
@@ -59,7 +56,6 @@ class PanelContext:
     reset_layout: Callable[[], None] = lambda: None
     fold_panels: Callable[[], None] = lambda: None
     panels: tuple[str, ...] = ()  # titles of all panels
-    autosave: Autosave | None = None  # None if nothing is saved
     clipboard: Clipboard = field(default_factory=Clipboard)
     file_manager: Callable[[Path], None] = show_in_folder
 
@@ -162,20 +158,6 @@ class PanelContext:
         find = partial(self.session.fitting.relocate, question)
         name = question.source.path.name
         self.files.ask(FileRequest(f"Where is {question.source.name}?", find, IMAGE_SUFFIXES, name=name))
-
-    def save_original(self, original: Original) -> None:
-        """Ask for a name and save a copy of a project file with unreadable parts."""
-
-        def save(path: Path) -> None:
-            try:
-                with atomic_file(path) as written:
-                    written.write_bytes(original.content)
-            except ValueError as error:
-                self.session.messages.report("Cannot save the copy", error)
-            else:
-                self.session.messages.notify(f"Saved {path.name}")
-
-        self.files.ask(FileRequest("Save a copy as", save, PROJECTS, True, original.name))
 
     def save_project(self) -> None:
         """Save the project to its file; ask for a name if it has none."""

@@ -261,13 +261,15 @@ class Editor:
         self.history = self.history.renamed({name: new})
         return new
 
-    def restore(self, saved: Project) -> None:
-        """Add a project's objects and take its undo history in place of this one.
+    def restore(self, saved: Project) -> dict[str, str]:
+        """Add a project's objects and take its undo history in place of this one; return keys here by keys given.
 
         Its edits of an object replace those made here, which become a version. The current state is the nearest that
         can be shown; this one, after the others, if there is none.
         """
-        self._go(restored(saved, self.state, self.objects, self.models))
+        history, keys = restored(saved, self.state, self.objects, self.models)
+        self._go(history)
+        return keys
 
     # Models that are missing
 

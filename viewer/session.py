@@ -1,7 +1,6 @@
 """A run of the program apart from its window: the editor, its activities, and their saved state."""
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 from itertools import zip_longest
 from pathlib import Path
 
@@ -9,7 +8,6 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 
-from core.detail.progressive import Frame
 from core.geometry.camera import Camera
 from core.models.library import DEFAULT_MODEL, sample_images, shipped_models
 from core.models.model import Model
@@ -20,9 +18,9 @@ from viewer.activities.direction_words import DirectionWords
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting
-from viewer.activities.kept_objects import KeptObjects
 from viewer.activities.names import Names
 from viewer.activities.painting import Painting
+from viewer.activities.recording import Recording
 from viewer.activities.reshaping import Reshaping
 from viewer.activities.segmenting import Segmenting
 from viewer.activities.sizing import Sizing
@@ -32,21 +30,17 @@ from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.jobs import Jobs
 from viewer.services.messages import Button, MessageKind, Messages
-from viewer.services.photo_copies import PhotoCopies
 from viewer.services.photo_thumbnails import PhotoThumbnails
-from viewer.services.pictures import Pixels, read_pictures
-from viewer.services.signal import Signal
-from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job, Worker
+from viewer.store.files import read_project
+from viewer.store.pictures import Pixels
+from viewer.store.store import Earlier, Store
 from viewer.values import orbit
-from viewer.values.encoding import Original
 from viewer.values.fit_history import FitHistory, FitRequest
 from viewer.values.objects import EditableObject
 from viewer.values.printable import printable
 from viewer.values.project import Project
 from viewer.values.view_request import ViewSettings
-
-PICTURES = "pictures-3.safetensors"  # file of the last images of view and tiles; another name if renders change
 
 
 class Session:
@@ -59,12 +53,14 @@ class Session:
         seed: int | None = None,
         folder: Path | None = None,
         first: str = DEFAULT_MODEL,
+        display: str = "",
     ) -> None:
         """Open the shipped models and show the first object of one.
 
         Args:
-            folder: folder of objects and pictures kept between launches; None keeps nothing.
+            folder: folder of the work kept between launches; None keeps nothing.
             first: name of a shipped model, or path of another one.
+            display: name of the window's display.
 
         Raises ``ValueError`` if a model cannot be opened.
         """
@@ -74,37 +70,56 @@ class Session:
         self.jobs = Jobs(worker, backend, self.messages, self.models)
         self.photo_thumbnails = PhotoThumbnails(self.jobs)
         self.fit_options = FitOptions()
-        self.archive = Signal[Project]()  # emitted with a project that is about to be replaced
         self.project_path: Path | None = None  # file of the saved or opened project
-        self._user_objects = UserObjects(folder and folder / "mine")
-        self._photo_copies = PhotoCopies(folder and folder / "photos")
-        self._pictures = read_pictures(folder / PICTURES) if folder else {}  # images of the last session
+        self.store = Store(folder, display)
+        self._pictures = self.store.pictures()  # images of the last launch
+        self._stored_pictures: tuple[object, ...] = (None, 0)  # frame of the view, number of tiles
+        self.recording = Recording(
+            self.store, self.messages, self.project, lambda: self.tracked_state, self._new_pictures
+        )
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
         self.words = DirectionWords(self.jobs)
         for name in dict.fromkeys((*shipped_models(), first)):
             self.models.open(name)
-        for fingerprint, file in self._user_objects.model_files().items():
-            self.models.expect(fingerprint, file)
-            self.models.find(fingerprint)
         self._begin(self.models.open(first), ViewSettings())
 
     def _begin(self, first: Model, view: ViewSettings) -> None:
         """Create editor and activities in their initial state, with the kept objects."""
         jobs = self.jobs
         self.editor = Editor(self.models, first, self._generator)
-        self.kept_objects = KeptObjects(self._user_objects, self.models, self.editor.objects, self.messages)
-        self._waiting = FitHistory(), tuple[FitRequest, ...]()  # the last fit and requests of models that are missing
-        self.originals = tuple[Original, ...]()  # project files of which something could not be read
+        self._add_mine()
+        self._waiting = tuple[FitRequest, ...]()  # of models that are missing
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, self._pictures)
         self.names = Names(self.editor, self.words)
-        self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options, self._photo_copies)
+        self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options, self.store)
         self.segmenting = Segmenting(jobs, self.fitting.fit)
         self.sizing = Sizing(jobs, self.editor)
         self.reshaping = Reshaping(jobs, self.editor, self.viewport, self.sizing)
         self.painting = Painting(jobs, self.editor, self.viewport, self.reshaping)
         self.exporting = Exporting(jobs, self.editor, self.names)
+
+    def _add_mine(self) -> None:
+        """Add the objects of *Mine* and open their models."""
+        objects, files = self.store.mine()
+        for fingerprint, file in files.items():
+            self.models.expect(fingerprint, file)
+        objects = tuple(item.converted(self.models.adopt) for item in objects)
+        for model in self.models:
+            if model.fingerprint not in self.editor.objects.families:
+                self.editor.add_model(model)
+        self.editor.objects.match(objects)
+        added = self.editor.objects.ever_added
+        self._mine = frozenset(item.key for item in added)
+        self.store.know(added)
+
+    def resume(self) -> None:
+        """Go on with the last session that no window has."""
+        number = self.store.resume()
+        if number is not None:
+            project = self._restore(self.store.session(number, self.editor.state))
+            self.project_path = project.path
 
     def start(self) -> None:
         """Begin to render the scene."""
@@ -118,7 +133,7 @@ class Session:
         self.thumbnails.tick()
         self.fitting.tick()
         self.painting.tick()
-        self.kept_objects.tick()
+        self.recording.tick(at_rest=not self.editor.history.gesture)
 
     def close(self) -> None:
         """Cancel all jobs of the activities."""
@@ -165,22 +180,22 @@ class Session:
         for model in new:
             self.editor.add_model(model)
         if new:
-            self._restore_fits(*self._waiting)
+            self._restore_fits(self._waiting)
 
-    def _restore_fits(self, fit: FitHistory, pending: tuple[FitRequest, ...]) -> None:
-        """Show the last fit and continue requests; those of missing models wait for them."""
+    def _restore_fits(self, pending: tuple[FitRequest, ...]) -> None:
+        """Continue requests; those of missing models wait for them."""
 
         def is_there(history: FitHistory) -> bool:
             return not history.model or self.models.find(history.model) is not None
 
         waiting = tuple(request for request in pending if not is_there(request.history))
-        self._waiting = FitHistory() if is_there(fit) else fit, waiting
+        self._waiting = waiting
         due = tuple(
             request._replace(history=request.history.converted(self.models.adopt))
             for request in pending
             if request not in waiting
         )
-        self.fitting.restore(fit.converted(self.models.adopt) if is_there(fit) else FitHistory(), due)
+        self.fitting.restore(due)
 
     def rename(self, name: str, to: str) -> None:
         """Rename an added object everywhere."""
@@ -204,28 +219,15 @@ class Session:
         label = self.names.label(names[0])
         self.messages.notify(f"Removed {label}", buttons=(Button("Undo", undo),), relevant=relevant, passing=True)
 
-    def sweep_photos(self) -> None:
-        """Delete old copies of photos that are fitted, and of the whole photos of objects that are gone."""
-        pending = (*self.fitting.pending, *self._waiting[1])
-        details = (added.instance.detail for added in self.editor.objects.ever_added)
-        self._photo_copies.sweep(
-            (source for request in pending for source in request.history.sources),
-            (view for detail in details if detail for view in detail.views),
-        )
-
-    def keep_edits(self, project: Project) -> None:
-        """Store the edits of a project's objects, on any thread. Raises ``ValueError`` or ``OSError`` on failure."""
-        self._user_objects.update(self.models, project.objects)
-
-    @property
-    def pictures(self) -> dict[str, Pixels]:
-        """The last images of view and tiles by name, for the next launch."""
-        return self.thumbnails.newest | self.viewport.picture
-
-    @property
-    def picture_state(self) -> tuple[Frame | None, int]:
-        """The view's image and the number of rendered tiles; while they are the same, so are :attr:`pictures`."""
-        return self.viewport.frame, self.thumbnails.rendered
+    def _new_pictures(self) -> Callable[[], Mapping[str, Pixels]] | None:
+        """Return a function that makes the last images of view and tiles; None if they are stored or not finished."""
+        newest = self.viewport.frame, self.thumbnails.rendered
+        if newest[0] is self._stored_pictures[0] and newest[1] == self._stored_pictures[1]:
+            return None
+        self._stored_pictures = newest
+        view = self.viewport.picture()
+        tiles = self.thumbnails.newest()
+        return lambda: tiles() | view()
 
     @property
     def is_rendered(self) -> bool:
@@ -256,9 +258,13 @@ class Session:
 
     @property
     def whole_photo(self) -> UInt8[np.ndarray, "height width 3"] | None:
-        """The whole photo of :attr:`photo_view` with the outline of the cut-out, if a copy is there."""
-        view = self.photo_view
-        return self._photo_copies.photo_of(view) if view else None
+        """The whole photo of :attr:`photo_view` with the outline of the cut-out, if it is kept."""
+        fit = self.fitting.shown
+        if self.photo_view is None or not fit.last:
+            return None
+        photos = [photo for number, photo in enumerate(fit.photos) if number not in fit.last.left_out]
+        preview = photos[fit.photo_index].preview if fit.photo_index < len(photos) else None
+        return preview.pixels if preview else None
 
     @property
     def photo_camera(self) -> Camera | None:
@@ -285,43 +291,40 @@ class Session:
 
     def project(self) -> Project:
         """Return everything that was made as a project."""
-        history = self.editor.history
-        fitting = self.fitting
-        objects = self.editor.objects
-        used = frozenset[str]().union(*(state.mix.names | state.removed for state, _ in history.steps))
-        kept = self.kept_objects.names
-        saved = {added.name for added in objects.ever_added if added.name in used or added.name not in kept}
-        roots = {objects.root(name) for name in saved}
-        fit = FitHistory() if fitting.running and not fitting.results.checking else fitting.history
         return Project(
-            history.without_gesture(),
-            tuple(added for added in objects.ever_added if objects.root(added.name) in roots),
-            fit if fit.sources else self._waiting[0],
-            (*fitting.pending, *self._waiting[1]),
+            self.editor.history.without_gesture(),
+            self.editor.objects.ever_added,
+            self.fitting.view.finished,
+            (*self.fitting.pending, *self._waiting),
             self.models.names,
             self.models.files,
-            self.originals,
             self.project_path,
+            self._mine,
         )
 
     @property
     def tracked_state(self) -> tuple[object, ...]:
         """The inputs of :meth:`project`; while they are identical objects, the project is the same."""
         fitting = self.fitting
-        fit = fitting.request, fitting.queue, fitting.questions, fitting.results.checking, fitting.history.photos
-        steps = None if fitting.running else fitting.history.steps
-        named = self.editor.history, self.project_path, self.originals
-        return (*named, *fit, steps, *self.editor.objects.ever_added)
+        fits = fitting.request, fitting.queue, fitting.questions, fitting.results.checking, fitting.history.photos
+        named = self.editor.history, self.project_path, fitting.view.finished
+        return (*named, *fits, *self.editor.objects.ever_added)
 
-    def restore(self, project: Project) -> None:
-        """Take a project's objects, undo history and fits, as :meth:`Editor.restore`; report missing models."""
+    def _restore(self, project: Project, folder: Path | None = None) -> Project:
+        """Take a project's objects, undo history and fits; report what is missing; return it with its models.
+
+        Args:
+            folder: folder of the project's file.
+        """
+        project = project.adopted(self.models, folder)
         self._add_models()
-        self.editor.restore(project)
-        self._restore_fits(project.fit, project.pending)
-        self.originals = project.originals
+        keys = self.editor.restore(project)
+        self.fitting.view.take({keys[key]: fit for key, fit in project.fits.items()})
+        self._restore_fits(project.pending)
         self._tell_missing(project)
         if self.viewport.source != "none":
             self.viewport.begin(self._pictures)
+        return project
 
     def _tell_missing(self, project: Project) -> None:
         """Tell which models and which parts of a project are missing, and what becomes of them."""
@@ -332,13 +335,9 @@ class Session:
         for name in dict.fromkeys(self.model_name(model) for model in models):
             text = f"Not there: {name}. What was made with it waits in Mine; click its grey tile to find the file"
             self.messages.notify(text, MessageKind.NOTE, buttons=dismiss)
-        for original in project.originals:
-            text = f"Parts of {original.name} cannot be read: the rest is open, and the whole file is kept in Mine"
-            self.messages.notify(text, MessageKind.NOTE, buttons=dismiss, detail="; ".join(original.reasons))
-
-    def forget_original(self, original: Original) -> None:
-        """Remove a project file with unreadable parts from the project."""
-        self.originals = tuple(kept for kept in self.originals if kept is not original)
+        if project.lost:
+            text = "Parts of it cannot be read: the rest is open"
+            self.messages.notify(text, MessageKind.NOTE, buttons=dismiss, detail="; ".join(project.lost[:3]))
 
     def model_name(self, fingerprint: str) -> str:
         """Return the file name of a model that may be missing."""
@@ -347,7 +346,7 @@ class Session:
     def save_project(self, path: Path) -> bool:
         """Save everything as a project file for any machine; report an error and return False if that fails."""
         try:
-            self.project().shared().save(path, self.models)
+            self.store.save(self.project(), path)
         except Exception as error:
             self.messages.report("Cannot save the project", error)
             return False
@@ -355,43 +354,45 @@ class Session:
         self.messages.notify(f"Saved {path.name}")
         return True
 
-    def open_project(self, path: Path, keep_path: bool = True) -> None:
+    def open_project(self, path: Path) -> None:
         """Replace everything by a project file; report an unreadable one.
 
-        Args:
-            keep_path: save the project to this file later.
+        The project is saved to the file later, unless parts of it could not be read.
         """
         try:
-            project = Project.load(path, self.models).beside(path.parent)
+            project = read_project(path, self.editor.state, self.store.copies)
         except ValueError as error:
             self.messages.report("Cannot open the project", error)
         else:
-            self._replace(project)
-            self.project_path = path if keep_path else None
+            self._replace(project, path.parent)
+            self.project_path = None if project.lost else path
             self.messages.notify(f"Opened {path.name}")
 
+    def open_earlier(self, session: Earlier) -> None:
+        """Replace everything by a session that was replaced before."""
+        self._replace(self.store.session(session.number, self.editor.state))
+        self.messages.notify(f"Opened the session of {session.name}")
+
     def new(self) -> None:
-        """Begin a new project, in which fitted objects stay; the old one is archived with the removed ones."""
+        """Begin a new project, in which fitted objects stay; the old one becomes an earlier session."""
         self._replace(None)
 
-    def _replace(self, project: Project | None) -> None:
-        """Archive everything, and begin anew or with a project; photos that wait go on waiting."""
+    def _replace(self, project: Project | None, folder: Path | None = None) -> None:
+        """Set everything aside, and begin anew or with a project; photos that wait go on waiting."""
         unfinished = self.fitting.unfinished
-        _, waiting = self._waiting
+        waiting = self._waiting
         self._end()
         if project:
-            self.restore(project)
-        self._waiting = self._waiting[0], (*self._waiting[1], *waiting)
+            self._restore(project, folder)
+        self._waiting = (*self._waiting, *waiting)
         self.fitting.take_over(unfinished)
 
     def _end(self) -> None:
-        """Archive the project without the photos that wait, and begin an empty one."""
+        """Make the project, without the photos that wait, an earlier session, and begin an empty one."""
         self.editor.end_gesture()
-        before = replace(self.project(), pending=())
-        if not before.is_empty:
-            self.archive.emit(before)
         self.close()
-        self.kept_objects.close()
+        self._waiting = ()
+        self.recording.archive()
         self.project_path = None
         self._begin(self.editor.model, self.viewport.settings)
         self.viewport.begin()

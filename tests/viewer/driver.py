@@ -18,6 +18,8 @@ from tests.viewer.machine import Patience
 from viewer.actions import chord
 from viewer.app import App
 from viewer.session import Session
+from viewer.store.files import read_project
+from viewer.values.project import Project
 
 Drive = Callable[..., None]
 
@@ -64,6 +66,16 @@ def deliver(session: Session, until: Callable[[], bool], longest: float = 60.0) 
 def finish(session: Session, until: Callable[[], bool] = lambda: True, longest: float = 60.0) -> None:
     """Deliver until nothing is under way and ``until`` holds."""
     deliver(session, lambda: not session.jobs.busy() and until(), longest)
+
+
+def keep(session: Session) -> None:
+    """Deliver until all that was made is in the store."""
+    deliver(session, lambda: session.recording.is_up_to_date)
+
+
+def opened(path: Path, session: Session) -> Project:
+    """The project in a file, with objects of a session's models."""
+    return read_project(path).adopted(session.models)
 
 
 class Driver:

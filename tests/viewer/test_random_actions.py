@@ -20,11 +20,10 @@ from core.fitting.fit import FitJob, FitStep
 from core.models.model import Instance, Model
 from tests.viewer.driver import Drive, Driver
 from tests.viewer.stand_ins import detailed_fit, two_models
-from viewer import autosave
 from viewer.services.backend import Backend
 from viewer.services.messages import MessageKind
+from viewer.store import store
 from viewer.values import history
-from viewer.values.project import Project
 from viewer.values.share_settings import ShareSettings
 
 _SECONDS = float(os.environ.get("RANDOM_SECONDS", "20"))  # s of actions for each seed
@@ -66,7 +65,7 @@ class Made:
         self._follow(states | objects)
         self._newest[0].update(objects.keys() - self._trained)
         self._newest[1].update(states.keys() - self._trained)
-        if window.context.autosave.is_up_to_date:
+        if window.session.recording.is_up_to_date:
             self.keep()
 
     def keep(self) -> None:
@@ -89,7 +88,9 @@ class Made:
         window.wait(lambda: not window.session.fitting.pending)
         window.session.new()  # all history is in files of earlier sessions
         assert _errors(window) == []
-        projects = [Project.load(path, window.session.models) for path in window.context.autosave.earlier]
+        session = window.session
+        read = [session.store.session(earlier.number, session.editor.state) for earlier in session.store.earlier]
+        projects = [project.adopted(session.models) for project in read]
         kept = [item for project in projects for item in project.objects] + list(window.session.editor.objects.added)
         states = [state for project in projects for state, _ in project.history.steps]
         lost = self.objects - {key(item.original) for item in kept}
@@ -298,8 +299,7 @@ def test_nothing_is_lost_and_no_error_is_logged(
     caplog: pytest.LogCaptureFixture,
     seed: int,
 ) -> None:
-    monkeypatch.setattr(autosave, "EVERY", 0.2)
-    monkeypatch.setattr(autosave, "EARLIER", 10_000)  # nothing is dropped because it is old
+    monkeypatch.setattr(store, "EARLIER", 10_000)  # nothing is dropped because it is old
     monkeypatch.setattr(history, "DEPTH", 10_000)
     random = Random(seed)
     end = time.monotonic() + _SECONDS

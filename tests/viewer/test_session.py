@@ -13,11 +13,12 @@ from core.models.scene import Scene, save_image
 from tests.conftest import open_models, random_model
 from tests.viewer.driver import finish
 from tests.viewer.stand_ins import quick_fit
-from viewer.autosave import Autosave
 from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.worker import Worker
 from viewer.session import Session
+from viewer.store.files import read_project
+from viewer.store.store import Store
 from viewer.values import orbit
 from viewer.values.fit_history import FitHistory, FitRequest
 from viewer.values.objects import EditableObject
@@ -221,7 +222,6 @@ def saved_stool(session: Session, stools: Model, path: Path) -> tuple[int, int]:
     editor.redo()
     last = editor.history.current
     editor.show_object("object 3")
-    session.kept_objects.store()
     session.save_project(path)
     return branch.last, last
 
@@ -247,8 +247,6 @@ def test_edits_and_branches_of_a_missing_model_wait_for_one_that_extends_it(
         assert editor.history == made  # neither step can be shown
     kept = editor.objects["stool"]
     assert kept.instance == made.steps[steps[1]].state.scene.instance and kept.original == stools[1]
-    session.keep_edits(session.project())
-    session.kept_objects.store()
     session.save_project(tmp_path / "b.codenerf")
 
     session.models.add("after", after)
@@ -278,7 +276,7 @@ def test_objects_keep_their_order_over_launches_and_models(
 
     def launched() -> Session:
         session = Session(worker, backend, seed=0, folder=tmp_path)
-        Autosave(session, tmp_path)
+        session.resume()
         return session
 
     session = launched()
@@ -291,15 +289,15 @@ def test_objects_keep_their_order_over_launches_and_models(
     session.rename("1", "renamed")
     order = ["4", "3", "2", "renamed"]
     assert objects.own == order
-    session.kept_objects.store()
-    session.save_project(tmp_path / "session.codenerf")
+    session.recording.close()
 
     for is_there in (True, False):
         files |= {"stools": stools if is_there else model}
         session = launched()
         assert session.editor.objects.own == order
         assert session.editor.objects.versions("2") == ["2", "2 (2)"]
-        session.save_project(tmp_path / "session.codenerf")
+        if is_there:
+            session.recording.close()
     session.models.add("stools", stools)
     session.tick()
     assert session.editor.objects.own == order
@@ -313,13 +311,13 @@ def test_edits_of_a_missing_model_here_and_in_a_project_are_both_kept(
     editor = Editor(open_models(model, stools), model, torch.Generator())
     editor.show_object(editor.objects.add(EditableObject("stool", stools[1], True)))
     editor.edit(editor.scene.instance.changed(texture=stools.codes[1].texture + 1.0))
-    Project(editor.history, editor.objects.ever_added).save(tmp_path / "a.codenerf", editor.models)
+    Store().save(Project(editor.history, editor.objects.ever_added), tmp_path / "a.codenerf")
 
     editor = Editor(open_models(model), model, torch.Generator())
-    saved = Project.load(tmp_path / "a.codenerf", editor.models)
+    saved = read_project(tmp_path / "a.codenerf").adopted(editor.models)
     original = saved.objects[0].original
     edited = original.changed(texture=original.codes.texture + 2.0)
-    here = EditableObject("stool", original, True).left_as(edited)
+    here = EditableObject("stool", original, True, key=saved.objects[0].key).left_as(edited)
     editor.objects.add(here)
     editor.restore(saved)
     assert editor.objects["stool"].instance == saved.objects[0].instance
@@ -359,8 +357,9 @@ def test_fits_of_a_missing_model_wait_for_it(worker: Worker, both: Backend, phot
     session.fitting.start(blue_block(photo))
     finish(session, lambda: not session.fitting.pending)
     made = session.project()
-    waiting = FitRequest(FitHistory(made.fit.sources, made.fit.photos, model=cars.fingerprint))
-    replace(made, pending=(waiting,), models=(), model_files={}).save(tmp_path / "a.codenerf", session.models)
+    (fit,) = made.fits.values()
+    waiting = FitRequest(FitHistory(fit.sources, fit.photos, model=cars.fingerprint))
+    Store().save(replace(made, pending=(waiting,), models=(), model_files={}), tmp_path / "a.codenerf")
 
     def chairs(name: str) -> Model:
         return both.load_model("chairs")
@@ -370,7 +369,7 @@ def test_fits_of_a_missing_model_wait_for_it(worker: Worker, both: Backend, phot
     finish(without)
     assert without.messages.errors == [] and not without.fitting.pending
     again = without.project()
-    assert len(again.pending) == 1 and len(again.fit.steps) == len(made.fit.steps)
+    assert len(again.pending) == 1 and [len(kept.steps) for kept in again.fits.values()] == [len(fit.steps)]
     assert without.editor.is_missing("block blue")
 
     without.jobs.backend = both

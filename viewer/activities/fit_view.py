@@ -1,5 +1,7 @@
 """The shown fit, running or finished: its steps, its selected photo and its cameras."""
 
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from dataclasses import replace
 
 from core.export.films import View
@@ -12,19 +14,24 @@ from viewer.editor import Editor
 from viewer.values.cut_out_preview import CutOutPreview
 from viewer.values.fit_history import FitHistory
 
-_MAX_KEPT = 8  # finished fits whose histories are kept
+_MAX_KEPT = 8  # finished fits in memory
 
 
 class FitView:
     """The history of the shown fit, whose steps are rendered while the view follows it, and finished fits."""
 
-    def __init__(self, editor: Editor, viewport: Viewport, models: OpenModels) -> None:
+    def __init__(
+        self, editor: Editor, viewport: Viewport, models: OpenModels, load: Callable[[str], Future[FitHistory]]
+    ) -> None:
+        """Show fits; ``load`` reads how an object was fitted, by its key."""
         self._editor = editor
         self._viewport = viewport
         self._models = models
+        self._load = load
+        self._loading: dict[str, Future[FitHistory]] = {}  # by key of the object
         self.history = FitHistory()
-        self.name = ""  # name of the object of the last finished fit that was shown
-        self._finished: dict[str, FitHistory] = {}  # by name of the object, the oldest first
+        self.key = ""  # key of the object of the last finished fit that was shown
+        self.finished: Mapping[str, FitHistory] = {}  # by key of the object, the oldest first
         self.preview: CutOutPreview | None = None  # cut-out of the photo that was read last
         self.read_fraction: float | None = None  # finished fraction of a video that is being read, 0..1
         self.from_runner_up = False  # the runner-up's camera is shown
@@ -36,27 +43,34 @@ class FitView:
         self.read_fraction = None
         self.from_runner_up = False
 
-    def kept(self, name: str) -> FitHistory:
-        """Return an object's fit; an empty one if it was not made in this run."""
-        return self._finished.get(name, FitHistory())
+    def kept(self, key: str) -> FitHistory:
+        """Return an object's fit; an empty one if that is not known, or not read yet."""
+        return self.finished.get(key, FitHistory())
 
-    def keep(self, name: str) -> None:
+    def keep(self, key: str) -> None:
         """Keep the shown fit as that of an object."""
-        self.name = name
-        self._finished[name] = self.history
-        while len(self._finished) > _MAX_KEPT:
-            del self._finished[next(iter(self._finished))]
+        self.key = key
+        self.take({key: self.history})
 
-    def show_kept(self, name: str) -> None:
-        """Show the fit of an object, unless it is shown or was not made in this run."""
-        if name != self.name and name in self._finished:
-            self.name = name
-            self.show(self._finished[name])
+    def take(self, fits: Mapping[str, FitHistory]) -> None:
+        """Keep fits by keys of their objects; the oldest ones beyond a limit are in the store by now."""
+        newest = [item for item in self.finished.items() if item[0] not in fits][-_MAX_KEPT:]
+        self.finished = {**dict(newest), **fits}
 
-    def rename(self, name: str, to: str) -> None:
-        """Follow the renaming of an object."""
-        self._finished = {to if key == name else key: history for key, history in self._finished.items()}
-        self.name = to if self.name == name else self.name
+    def show_kept(self, key: str) -> None:
+        """Show the fit of an object, once it is read, unless it is shown; nothing if it is not known."""
+        if key == self.key or not key:
+            return
+        if key not in self.finished:
+            if key not in self._loading:
+                self._loading[key] = self._load(key)
+            if not (loading := self._loading[key]).done():
+                return
+            del self._loading[key]
+            self.take({key: loading.result().converted(self._models.adopt)})
+        if self.finished[key].sources:
+            self.key = key
+            self.show(self.finished[key])
 
     @property
     def model(self) -> Model:

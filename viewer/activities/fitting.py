@@ -21,8 +21,8 @@ from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import FIT_WEIGHT, Jobs
 from viewer.services.messages import Button, MessageKind, error_text
-from viewer.services.photo_copies import PhotoCopies
 from viewer.services.worker import Job
+from viewer.store.store import Store
 from viewer.values.cut_out_preview import CutOutPreview
 from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, Question, Ready, photo_sources
 from viewer.values.objects import EditableObject
@@ -35,20 +35,18 @@ _NONE: Confirmed = {}
 class Fitting:
     """Runs one fit at a time and queues the others."""
 
-    def __init__(
-        self, jobs: Jobs, editor: Editor, viewport: Viewport, options: FitOptions, copies: PhotoCopies
-    ) -> None:
+    def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport, options: FitOptions, store: Store) -> None:
         self._jobs = jobs
         self._editor = editor
         self._viewport = viewport
         self.options = options
-        self._copies = copies  # of photos, which may wait longer than their files exist
-        self.view = FitView(editor, viewport, jobs.models)
+        self._copies = store.copies  # of photos, which may wait longer than their files exist
+        self.view = FitView(editor, viewport, jobs.models, store.fit)
         self.results = FitResults(editor, viewport, jobs.messages)
         self.request: FitRequest | None = None  # the running fit's
         self._waiting = FitQueue()
         self._before = self.history  # the fit shown before the last one began
-        self._name = ""  # object in the view
+        self._shown_key = ""  # of the object in the view
         editor.object_chosen.connect(self._set_questions_aside)
 
     @property
@@ -58,12 +56,12 @@ class Fitting:
 
     @property
     def shown(self) -> FitHistory:
-        """The fit of the object in the view; empty if it was not made in this run."""
+        """The fit of the object in the view; empty if it has none, or until that is read."""
         if self.running and self._viewport.following:
             return self.history
-        name = self._root
+        key = self._key
         is_found = not self.running or self.results.checking is not None
-        return self.history if is_found and name == self.view.name else self.view.kept(name)
+        return self.history if is_found and key and key == self.view.key else self.view.kept(key)
 
     @property
     def queue(self) -> tuple[FitRequest, ...]:
@@ -76,9 +74,10 @@ class Fitting:
         return self._waiting.questions
 
     @property
-    def _root(self) -> str:
-        """Name of the object in the view, of which its versions have the fit."""
-        return self._editor.objects.root(self._editor.state.mix.a.shape)
+    def _key(self) -> str:
+        """Key of the object in the view, of which its versions have the fit; "" for a model's object."""
+        objects = self._editor.objects
+        return objects[objects.root(self._editor.state.mix.a.shape)].key
 
     @property
     def question(self) -> Question | None:
@@ -122,22 +121,16 @@ class Fitting:
         self._drop()
 
     def tick(self) -> None:
-        """Show the fit of the object in the view, if it was made in this run; call once a frame."""
-        name = self._root
-        if name != self._name:
-            self._name = name
+        """Show the fit of the object in the view, if it is known; call once a frame."""
+        key = self._key
+        if key != self._shown_key:
+            self._shown_key = key
             self._waiting = replace(self._waiting, chosen=None)
         if not self.running:
-            self.view.show_kept(name)
+            self.view.show_kept(key)
 
-    def restore(self, history: FitHistory, pending: tuple[FitRequest, ...]) -> None:
-        """Show a saved fit, unless another is shown, and continue unfinished requests; failed ones are questions."""
-        if not self.history.sources:
-            self.view.show(history)
-            result = history.last.instance if history.last else None
-            names = (item.name for item in self._editor.objects.added if item.original == result)
-            if history.last and (name := next(names, "")):
-                self._keep(name, history.last)
+    def restore(self, pending: tuple[FitRequest, ...]) -> None:
+        """Continue unfinished requests; failed ones are questions."""
         requests = tuple(request for request in pending if not request.problem)
         questions = tuple(Question.of_failure(request) for request in pending if request.problem)
         self.take_over(FitQueue(requests, questions))
@@ -327,7 +320,6 @@ class Fitting:
     def rename(self, name: str, to: str) -> None:
         """Follow the renaming of a result."""
         self.results.rename(name, to)
-        self.view.rename(name, to)
 
     # Progress
 
@@ -444,7 +436,7 @@ class Fitting:
         if last is None:
             self._jobs.messages.notify("Stopped before there was a result", MessageKind.NOTE)
         elif checking:
-            self._keep(checking.name, last)
+            self._keep(checking.name)
             better = self.results.improve(checking, self._fitted(last), self.view.camera_of(last))
             verdict = "a better viewpoint was found" if better else "the viewpoint stays"
             self.results.notify(f"{checking.name} was checked from other sides: {verdict}", checking)
@@ -471,17 +463,12 @@ class Fitting:
     def _add(self, step: FitStep) -> Ready:
         """Add a step's result to the objects, and keep its fit."""
         ready = self.results.add(self._fitted(step), self.view.camera_of(step))
-        self._keep(ready.name, step)
+        self._keep(ready.name)
         return ready
 
-    def _keep(self, name: str, step: FitStep) -> None:
-        """Keep the shown fit as that of an object, and its whole photos for later launches."""
-        self.view.keep(name)
-        views = step.instance.detail.views if step.instance.detail else ()
-        photos = [photo for number, photo in enumerate(self.history.photos) if number not in step.left_out]
-        for view, fitted in zip(views, photos, strict=False):
-            if fitted.preview:
-                self._copies.keep_photo(view, fitted.preview)
+    def _keep(self, name: str) -> None:
+        """Keep the shown fit as that of an object."""
+        self.view.keep(self._editor.objects[name].key)
 
     def _with_detail(self, step: FitStep) -> FitStep:
         """Return a stopped fit's step with photo detail, which only full fits end with."""

@@ -1,8 +1,7 @@
 """Thumbnails: small renders of any object from any camera, queued and cached."""
 
 import hashlib
-from collections import OrderedDict
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -16,8 +15,8 @@ from core.geometry.pixels import to_bytes
 from core.models.model import Instance
 from core.models.photo_detail import PhotoDetail
 from viewer.services.jobs import TILES_WEIGHT, Jobs
-from viewer.services.pictures import Pixels
 from viewer.services.worker import Job
+from viewer.store.pictures import Pixels
 from viewer.values import orbit
 
 SIZE = 64  # px, side of most thumbnails
@@ -38,19 +37,20 @@ class _Key(NamedTuple):
     detail: PhotoDetail | None
     proportions: Factors | None
 
-    @property
-    def digest(self) -> str:
-        """A hash of all inputs, for the names of stored images."""
-        text = f"{self.model} {self.camera} {self.samples} {self.shape} {self.texture}".encode()
-        text += f" {self.proportions}".encode() if self.proportions else b""
-        detail = _detail_digest(self.detail) if self.detail else b""
-        return hashlib.blake2b(text + detail, digest_size=16).hexdigest()
-
 
 def _key(instance: Instance, camera: Camera, samples: int) -> _Key:
     codes = instance.codes
     numbers = codes.shape_key, codes.texture_key
     return _Key(instance.fingerprint, *numbers, camera, samples, codes.detail, codes.proportions)
+
+
+@lru_cache(maxsize=_MAX_KEPT)
+def _digest(key: _Key) -> str:
+    """Return a hash of all inputs, for the names of stored images."""
+    text = f"{key.model} {key.camera} {key.samples} {key.shape} {key.texture}".encode()
+    text += f" {key.proportions}".encode() if key.proportions else b""
+    detail = _detail_digest(key.detail) if key.detail else b""
+    return hashlib.blake2b(text + detail, digest_size=16).hexdigest()
 
 
 @lru_cache(maxsize=256)
@@ -63,7 +63,7 @@ def _detail_digest(detail: PhotoDetail) -> bytes:
 
 def digest(instance: Instance, camera: Camera) -> str:
     """Return a hash of an image's inputs, for the names of stored images."""
-    return _key(instance, camera, 0).digest
+    return _digest(_key(instance, camera, 0))
 
 
 def frame_of(pixels: Pixels, samples: int = 0, stages: int = 1) -> Frame:
@@ -89,7 +89,7 @@ class Thumbnails:
         """Begin with images of the last launch, by digest; larger ones are no thumbnails."""
         self._jobs = jobs
         self._stored = {digest: pixels for digest, pixels in (stored or {}).items() if len(pixels) <= SIZE}
-        self._frames: OrderedDict[_Key, Frame] = OrderedDict()  # cached thumbnails, the least recently used first
+        self._frames: dict[_Key, Frame] = {}  # cached thumbnails, the least recently used first
         self._queue: dict[_Key, Instance] = {}  # requests of this frame
         self.rendered = 0  # thumbnails so far
         self._failed: set[_Key] = set()  # keys whose rendering failed, not tried again
@@ -108,20 +108,19 @@ class Thumbnails:
         return self._get(_key(instance, camera, _SAMPLES), instance, soon)
 
     def _get(self, key: _Key, instance: Instance, soon: bool = False) -> Frame | None:
-        if key not in self._frames and (pixels := self._stored.get(key.digest)) is not None:
+        if key not in self._frames and (pixels := self._stored.get(_digest(key))) is not None:
             self._frames[key] = frame_of(pixels, key.samples)
         if key in self._frames:
-            self._frames.move_to_end(key)
+            self._frames[key] = self._frames.pop(key)
             return self._frames[key]
         request = {key: instance}
         self._queue = request | self._queue if soon else self._queue | request
         return None
 
-    @property
-    def newest(self) -> dict[str, Pixels]:
-        """The newest images to store for the next launch, by digest."""
-        images = self._stored | {key.digest: pixels_of(frame) for key, frame in self._frames.items()}
-        return dict([*images.items()][-_STORED:])
+    def newest(self) -> Callable[[], dict[str, Pixels]]:
+        """Return a function, on any thread, that makes the newest images to store, by digest."""
+        frames = [*self._frames.items()][-_STORED:]
+        return lambda: {_digest(key): pixels_of(frame) for key, frame in frames}
 
     def tick(self) -> None:
         """Begin to render a batch of the requests since the last call; call once a frame."""
@@ -155,4 +154,4 @@ class Thumbnails:
         self.rendered += 1
         self._frames[key] = replace(frame, depth=_no_depth(frame.opacity), evaluations=None)
         while len(self._frames) > _MAX_KEPT:
-            self._frames.popitem(last=False)
+            del self._frames[next(iter(self._frames))]

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -17,8 +17,8 @@ from viewer.activities.framing import Framing
 from viewer.activities.thumbnails import digest, frame_of, pixels_of
 from viewer.editor import Editor
 from viewer.services.jobs import FIT_WEIGHT, SHARPENING_WEIGHT, TILES_WEIGHT, Jobs
-from viewer.services.pictures import Pixels
 from viewer.services.worker import Job
+from viewer.store.pictures import Pixels
 from viewer.values import orbit
 from viewer.values.view_request import ViewRequest, ViewSettings
 
@@ -71,10 +71,11 @@ class Viewport:
             self.source = "scene"
         self.render()
 
-    @property
-    def picture(self) -> dict[str, Pixels]:
-        """The newest image by the name of its object and camera, to be stored; empty if there is none."""
-        return {_picture(self.frame_request): pixels_of(self.frame)} if self.frame and self.frame_request else {}
+    def picture(self) -> Callable[[], dict[str, Pixels]]:
+        """Return a function, on any thread, that makes the newest image to store, by its object and camera."""
+        frame = self.frame
+        request = self.frame_request
+        return lambda: {_picture(request): pixels_of(frame)} if frame and request else {}
 
     def close(self) -> None:
         """Stop rendering."""

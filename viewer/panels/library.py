@@ -10,7 +10,6 @@ from core.models.codes import CODE_KINDS
 from core.models.model import Instance, Model
 from viewer.context import Panel, PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
-from viewer.values.encoding import Original
 from viewer.values.fit_history import FitRequest
 from viewer.widgets import missing_tiles, object_tiles, user_objects, waiting_tiles
 from viewer.widgets.controls import action_button, draw_choice, tooltip
@@ -27,8 +26,8 @@ class Version(NamedTuple):
     number: int  # place among the versions, from 0
 
 
-Tile = str | Version | FitRequest | Original
-"""An object, by name; a version of one; a waiting photo; a project file with unreadable parts."""
+Tile = str | Version | FitRequest
+"""An object, by name; a version of one; a waiting photo."""
 
 _INVITATION = "What you fit to photos comes here."
 _STRIP = 9.0  # em: a lower panel is a strip
@@ -79,7 +78,7 @@ class LibraryPanel(Panel):
             imgui.set_scroll_y(0.0)
         self._waiting = len(waiting)
         with_mine = self._filter in (_ALL, _MINE)
-        mine: list[Tile] = [*waiting, *session.editor.objects.own, *session.originals] if with_mine else [*waiting]
+        mine: list[Tile] = [*waiting, *session.editor.objects.own] if with_mine else [*waiting]
         families = session.editor.objects.families
         groups = {"Mine": mine} if mine or with_mine else dict[str, list[Tile]]()
         groups |= {
@@ -149,10 +148,6 @@ class LibraryPanel(Panel):
         if isinstance(tile, FitRequest):
             waiting_tiles.draw(context, tile, corner, size)
             paint_caption(context, tile.history.name, below, size.x)
-            return
-        if isinstance(tile, Original):
-            missing_tiles.draw_original(context, tile, corner, size)
-            paint_caption(context, "damaged", below, size.x)
             return
         if isinstance(tile, str) and context.session.editor.is_missing(tile):
             missing_tiles.draw_object(context, tile, corner, size)

@@ -52,7 +52,7 @@ def _draw_panels(context: PanelContext) -> None:
 
 def _draw_recent(context: PanelContext) -> None:
     recent = context.preferences.recent
-    if imgui.begin_menu("Recent", bool(recent) or bool(context.autosave and context.autosave.earlier)):
+    if imgui.begin_menu("Recent", bool(recent or context.session.store.earlier)):
         for number, name in enumerate(recent):
             if imgui.menu_item_simple(f"{as_label(printable(Path(name).name))}###recent {number + 1}"):
                 context.drop([name])
@@ -64,9 +64,9 @@ def _draw_recent(context: PanelContext) -> None:
 
 def _draw_earlier(context: PanelContext) -> None:
     """Draw the entries of sessions that New or another project has replaced."""
-    for number, path in enumerate(context.autosave.earlier if context.autosave else ()):
-        if imgui.menu_item_simple(f"Session of {path.stem[:16]}###earlier {number + 1}"):
-            context.session.open_project(path, keep_path=False)
+    for number, session in enumerate(context.session.store.earlier):
+        if imgui.menu_item_simple(f"Session of {session.name}###earlier {number + 1}"):
+            context.session.open_earlier(session)
 
 
 def _draw_status(context: PanelContext) -> None:

@@ -64,7 +64,7 @@ def begin(folder: Path, start: Start, display: str | None = None) -> SingleInsta
 
     Raises ``TimeoutError`` if an open window does not take the start within a minute.
     """
-    own = folder / f"window-{_display() if display is None else display}"
+    own = folder / f"window-{display_name() if display is None else display}"
     own.mkdir(parents=True, exist_ok=True)
     lock = FileLock(own / "lock")
     wish = own / f"{secrets.token_hex(8)}.json"
@@ -105,7 +105,7 @@ def _is_free(lock: FileLock) -> bool:
     return True
 
 
-def _display() -> str:
+def display_name() -> str:
     """Return a file name of the machine and the current display."""
     words = platform.node(), os.environ.get("WAYLAND_DISPLAY", ""), os.environ.get("DISPLAY", "")
     return re.sub(r"\W+", "-", "-".join(filter(None, words)))

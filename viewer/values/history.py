@@ -59,8 +59,8 @@ class State:
     scene: Scene
     mix: Mix
     removed: frozenset[str] = frozenset()  # names of unlisted added objects
-    is_a: bool | None = False
-    """The codes are those of object A, perhaps edited: not sampled. None: not known yet."""
+    is_a: bool = False
+    """The codes are those of object A, perhaps edited: not sampled."""
 
     @property
     def version_of(self) -> str:

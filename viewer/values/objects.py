@@ -4,7 +4,6 @@ import re
 import time
 from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, replace
-from operator import attrgetter
 
 import torch
 
@@ -26,8 +25,8 @@ class EditableObject:
     fitted: bool = False  # to a photo
     confidence: float | None = None  # probability, 0..1, that the photo's camera is right; None: unknown
     unedited: Instance | None = None  # as fitted or opened; None: as left
-    version_of: str = ""  # key of the object that it is a version of; in older files its name
-    key: str = ""  # ns since 1970 when it was made: stays if it is renamed, and orders objects; "" in older files
+    version_of: str = ""  # key of the object that it is a version of
+    key: str = ""  # ns since 1970 when it was made: stays if it is renamed, and orders objects; "" until it is added
 
     def __post_init__(self) -> None:
         if self.confidence is not None and not 0 <= self.confidence <= 1:
@@ -53,6 +52,15 @@ class EditableObject:
     def left_as(self, instance: Instance) -> "EditableObject":
         """Return the object with its newest edit."""
         return replace(self, instance=instance, unedited=None if instance == self.original else self.original)
+
+    def converted(self, change: Callable[[Instance], Instance]) -> "EditableObject":
+        """Return the object with changed codes, also those before its edits; itself if they stay."""
+        instance = change(self.instance)
+        return (
+            self
+            if instance is self.instance
+            else replace(self, instance=instance, unedited=self.unedited and change(self.unedited))
+        )
 
     def refitted(self, better: "EditableObject") -> "EditableObject":
         """Return the object with the codes and the confidence of a better fit; its edits stay."""
@@ -187,11 +195,7 @@ class ObjectLibrary:
 
     def convert(self, change: Callable[[Instance], Instance]) -> None:
         """Change the codes of added objects, also those before their edits."""
-        for name, added in self._added.items():
-            instance = change(added.instance)
-            if instance is not added.instance:
-                unedited = added.unedited and change(added.unedited)
-                self._added[name] = replace(added, instance=instance, unedited=unedited)
+        self._added = {name: added.converted(change) for name, added in self._added.items()}
         self.changes += 1
 
     def leave(self, name: str, instance: Instance) -> None:
@@ -215,37 +219,20 @@ class ObjectLibrary:
     def match(self, incoming: Iterable[EditableObject]) -> dict[str, str]:
         """Add the objects that are not here yet, and return the names here by the names given.
 
-        Equal fits are one object, even if it was edited here or there. Each earlier object matches at most one, and a
-        version only a version: those of an object that became one would be listed nowhere.
+        Objects with one key are the same, edited here or there, unless they were fitted differently: then two homes
+        have made them.
         """
-        incoming = sorted(incoming, key=lambda item: bool(item.version_of))
-        names = self._equal(incoming)
-        keys = dict[str, str]()  # by key and, as older files refer to it, by name of the object given
-        for item in incoming:
-            if item.name not in names:
-                root = item.version_of and keys.get(item.version_of, item.version_of)
-                names[item.name] = self.add(replace(item, version_of=root))
-            keys[item.key] = keys[item.name] = self[names[item.name]].key
-        self._take(dict(sorted(self._added.items(), key=lambda entry: int(entry[1].key))))
-        return names
-
-    def _equal(self, incoming: Iterable[EditableObject]) -> dict[str, str]:
-        """Return the names of objects that equal some of ``incoming``, by the names given."""
-        before = list(self.ever_added)
         names = dict[str, str]()
-        for key in (attrgetter("ends"), attrgetter("original")):
-            for item in incoming:
-                equal = [
-                    added
-                    for added in before
-                    if item.name not in names
-                    and bool(added.version_of) == bool(item.version_of)
-                    and key(added) == key(item)
-                ]
-                if equal:
-                    nearest = min(equal, key=lambda added: (added.key != item.key, added.name != item.name))
-                    before.remove(nearest)
-                    names[item.name] = nearest.name
+        keys = dict[str, str]()  # here, by the keys given
+        for item in sorted(incoming, key=lambda item: bool(item.version_of)):
+            here = self._added.get(self._keys.get(item.key, ""))
+            root = item.version_of and keys.get(item.version_of, item.version_of)
+            if here and here.original == item.original and here.version_of == root:
+                names[item.name] = here.name
+            else:
+                names[item.name] = self.add(replace(item, version_of=root))
+            keys[item.key] = self[names[item.name]].key
+        self._take(dict(sorted(self._added.items(), key=lambda entry: int(entry[1].key))))
         return names
 
     def _take(self, added: dict[str, EditableObject]) -> None:

@@ -32,11 +32,13 @@ def first_mix(objects: ObjectLibrary, model: Model) -> Mix:
     return Mix(Pair(first, first), second)
 
 
-def restored(project: Project, now: State, objects: ObjectLibrary, models: OpenModels) -> History:
+def restored(
+    project: Project, now: State, objects: ObjectLibrary, models: OpenModels
+) -> tuple[History, dict[str, str]]:
     """Add a project's objects to ``objects`` and return its history, at the nearest state that can be shown.
 
     Its edits of an object replace those made here, which become a version. If no state can be shown,
-    the state ``now`` follows all others.
+    the state ``now`` follows all others. Also returns the keys of the objects here by their keys in the project.
     """
     names = objects.match(project.objects)
 
@@ -51,10 +53,11 @@ def restored(project: Project, now: State, objects: ObjectLibrary, models: OpenM
             objects.keep(here.name, here.instance)
         if saved.unedited:
             objects.leave(here.name, saved.instance)
+    keys = {item.key: objects[names[item.name]].key for item in project.objects}
     nearest = next((number for number in history.nearest if can_show(history.steps[number].state, objects)), None)
     if nearest is None:
-        return History.of(replace(now, removed=history.now.removed)).after(history)
-    return history.at(nearest)
+        return History.of(replace(now, removed=history.now.removed)).after(history), keys
+    return history.at(nearest), keys
 
 
 def reopened(history: History, model: Model, objects: ObjectLibrary, models: OpenModels) -> History:
@@ -72,7 +75,4 @@ def _with_names_here(state: State, names: Mapping[str, str], objects: ObjectLibr
     instance = models.adopt(state.scene.instance)
     own = {name: objects.name_here(name, instance.fingerprint) or name for name in state.mix.names}
     mix = state.mix.renamed({**own, **names})
-    is_a = state.is_a
-    if is_a is None and mix.a.shape in objects:  # of a former version
-        is_a = instance == objects[mix.a.shape].original
-    return replace(state, scene=replace(state.scene, instance=instance), mix=mix, is_a=is_a)
+    return replace(state, scene=replace(state.scene, instance=instance), mix=mix)

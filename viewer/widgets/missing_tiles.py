@@ -1,13 +1,11 @@
-"""Grey tiles of what cannot be shown: objects and states of missing models, and project files with unreadable parts."""
+"""Grey tiles of what cannot be shown: objects and states of missing models."""
 
-import textwrap
 from pathlib import Path
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from viewer.context import PanelContext
 from viewer.screen.theme import packed
-from viewer.values.encoding import Original
 from viewer.values.history import State
 from viewer.values.variety import readable
 from viewer.widgets import object_tiles
@@ -15,7 +13,6 @@ from viewer.widgets.controls import tooltip
 from viewer.widgets.text import paint_caption, small_height
 
 _FILE = icons_fontawesome_4.ICON_FA_UNLINK
-_WIDE = 60  # characters of a tooltip's line
 
 
 def draw_object(context: PanelContext, name: str, corner: ImVec2, size: ImVec2) -> None:
@@ -52,24 +49,6 @@ def draw_state(context: PanelContext, state: State, words: str, name: str, side:
             context.find_model(model, lambda: session.editor.show_state(state))
         tooltip(f"Needs {session.model_name(model)}, which is not there: {words}\nClick to find it")
     paint(context, "", corner, side)
-
-
-def draw_original(context: PanelContext, original: Original, corner: ImVec2, size: ImVec2) -> None:
-    """Draw a project file with unreadable parts; a click or its menu saves a copy of it."""
-    session = context.session
-    if object_tiles.tile_button(f"original {original.name}", size):
-        context.save_original(original)
-    reasons = "\n".join(textwrap.shorten(reason, _WIDE, placeholder=" …") for reason in original.reasons[:3])
-    tooltip(f"Parts of {original.name} cannot be read; it is kept as it was\n{reasons}\nClick to save a copy of it")
-    if imgui.begin_popup_context_item():
-        if imgui.menu_item_simple("Save a copy…###save original"):
-            context.save_original(original)
-        if imgui.begin_menu("Remove###remove object"):
-            if imgui.menu_item_simple("Remove it for good###remove for good"):
-                session.forget_original(original)
-            imgui.end_menu()
-        imgui.end_popup()
-    paint(context, original.name, corner, size.x)
 
 
 def paint(context: PanelContext, file: str, corner: ImVec2, side: float) -> None:

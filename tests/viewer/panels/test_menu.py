@@ -144,7 +144,7 @@ def test_projects_are_saved_opened_dropped_and_recent(window: Driver, photo: Pat
     window.press(ctrl, imgui.Key.o)
     window.type(str(tmp_path / "chair.codenerf"))
     assert window.session.editor.history == again
-    assert window.session.fitting.history.photo is not None
+    window.wait(lambda: window.session.fitting.history.photo is not None)
     window.menu("File/###new_project")
     window.context.drop([str(tmp_path / "chair.codenerf")])
     assert window.session.editor.history == again

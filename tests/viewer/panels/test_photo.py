@@ -15,7 +15,7 @@ from core.models.model import Instance, Model
 from core.models.photo_detail import Erasure
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
-from tests.viewer.driver import Drive, Driver, in_window
+from tests.viewer.driver import Drive, Driver, in_window, opened
 from tests.viewer.stand_ins import (
     crowded,
     detailed_fit,
@@ -32,7 +32,6 @@ from viewer.services.backend import Backend
 from viewer.values import orbit
 from viewer.values.fit_history import PhotoSource
 from viewer.values.paints import paints_of, rgb
-from viewer.values.project import Project
 from viewer.widgets.user_objects import COLOURS
 
 
@@ -93,8 +92,8 @@ def test_detail_is_erased_on_the_object_with_a_brush_of_any_size(window: Driver,
     window.ctx.yield_(2)
     window.drag("View/orbit", 40)
     assert erased()[1].radius > 1.5 * stroke.radius
-    window.session.project().save(tmp_path / "a.codenerf", window.session.models)
-    again = Project.load(tmp_path / "a.codenerf", window.session.models).history.now
+    window.session.save_project(tmp_path / "a.codenerf")
+    again = opened(tmp_path / "a.codenerf", window.session).history.now
     assert again.scene.instance.detail == editor.scene.instance.detail
     window.click("Photo/###restore detail")
     assert erased() == ()

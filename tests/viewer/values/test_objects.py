@@ -9,12 +9,12 @@ from viewer.values.objects import EditableObject, ObjectLibrary
 
 def test_versions_of_another_session_are_listed(model: Model) -> None:
     here = ObjectLibrary(open_models(model))
-    here.add(EditableObject("chair", model[1], unedited=model[0]))
+    here.add(EditableObject("chair", model[1], unedited=model[0], key="7"))
     here.add(EditableObject("chair (2)", model[0], version_of=here["chair"].key))
     there = (
-        EditableObject("chair", model[0]),
-        EditableObject("chair (2)", model[2], unedited=model[0], version_of="chair"),
-        EditableObject("chair (3)", model[3], unedited=model[0], version_of="chair"),
+        EditableObject("chair", model[0], key="7"),
+        EditableObject("chair (2)", model[2], unedited=model[0], version_of="7", key="8"),
+        EditableObject("chair (3)", model[3], unedited=model[0], version_of="7", key="9"),
     )
     names = here.match(there)
     assert names["chair"] == "chair"

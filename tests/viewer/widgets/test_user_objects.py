@@ -8,19 +8,16 @@ from imgui_bundle import imgui
 
 from core.models.model import Instance
 from tests.viewer.driver import Drive, Driver, in_window
-from viewer import autosave
 from viewer.values.printable import as_label
 from viewer.widgets import user_objects
 
 
 @pytest.fixture
-def kill(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[Driver], Path]:
+def kill(tmp_path: Path) -> Callable[[Driver], Path]:
     """Copies the folder of a run once its session is saved, as it would be after a kill."""
-    monkeypatch.setattr(autosave, "EVERY", 0.0)
 
     def copied(window: Driver) -> Path:
-        saving = window.context.autosave
-        window.wait(lambda: saving.is_up_to_date)
+        window.wait(lambda: window.session.recording.is_up_to_date)
         left = tmp_path / f"left {len(list(tmp_path.glob('left *')))}"
         shutil.copytree(tmp_path / "config", left, ignore=shutil.ignore_patterns(".*"))
         return left

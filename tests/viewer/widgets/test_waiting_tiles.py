@@ -1,4 +1,3 @@
-import os
 import shutil
 import threading
 from collections.abc import Iterator
@@ -12,16 +11,12 @@ from PIL import Image
 
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
-from core.models.photo_detail import PhotoView
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
 from tests.viewer.driver import Drive, Driver, in_window
 from tests.viewer.stand_ins import doubted, endless_fit, quick_fit, quick_photo
 from tests.viewer.test_editor import fitted
-from viewer import autosave
 from viewer.services.backend import Backend
-from viewer.services.photo_copies import PhotoCopies
-from viewer.values.cut_out_preview import CutOutPreview
 from viewer.values.fit_history import PhotoSource
 
 
@@ -185,9 +180,8 @@ def killed(folder: Path) -> Path:
 
 @pytest.mark.parametrize("asked", [False, True])
 def test_a_photo_that_waits_is_fitted_as_dropped_though_its_file_changes_and_the_program_is_killed(
-    drive: Drive, both: Backend, photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: bool
+    drive: Drive, both: Backend, photo: Path, tmp_path: Path, asked: bool
 ) -> None:
-    monkeypatch.setattr(autosave, "EVERY", 0.0)
     changed, gone = blocks(photo, "bc")
     pixels = read_cut_out(photo, None).pixels
     fitted_pixels = list[np.ndarray]()
@@ -203,7 +197,7 @@ def test_a_photo_that_waits_is_fitted_as_dropped_though_its_file_changes_and_the
         window.wait(lambda: len(fitting.questions) == 3 if asked else len(fitting.history.steps) > 1)
         Image.new("RGB", (96, 96), "green").save(changed)
         gone.unlink()
-        window.wait(lambda: window.context.autosave.is_up_to_date)
+        window.wait(lambda: window.session.recording.is_up_to_date)
         folders.append(killed(folders[0]))
 
     def second(window: Driver) -> None:
@@ -223,39 +217,6 @@ def test_a_photo_that_waits_is_fitted_as_dropped_though_its_file_changes_and_the
     drive(first, replace(backend, fit=endless_fit), folder=folders[0])
     drive(second, replace(backend, frame_photo=seen_photo), folder=folders[1])
     assert all(np.array_equal(read, pixels) for read in fitted_pixels)
-
-
-def test_old_copies_of_photos_are_deleted_but_not_those_that_wait(tmp_path: Path, photo: Path) -> None:
-    copies = PhotoCopies(tmp_path / "photos")
-    sources = []
-    for number in range(52):
-        photo.write_bytes(bytes([number]))
-        sources.append(copies.keep(PhotoSource(photo)))
-        os.utime(sources[-1].copy.parent, (number, number))
-    copies.sweep(sources[:1])
-    assert [source.file == source.copy for source in sources] == [True, False] + 50 * [True]
-    assert sources[1].file == photo
-
-
-def test_old_whole_photos_are_deleted_but_not_those_of_objects(tmp_path: Path, model: Model) -> None:
-    copies = PhotoCopies(tmp_path / "photos")
-    pixels = np.full((40, 60, 3), 200, np.uint8)
-    views = [PhotoView(bytes([number]), model.camera(0.0, 0.0)) for number in range(52)]
-    for number, view in enumerate(views):
-        before = set((tmp_path / "photos").glob("*"))
-        copies.keep_photo(view, CutOutPreview(pixels, ()))
-        (path,) = set((tmp_path / "photos").glob("*")) - before
-        os.utime(path, (number, number))
-    copies.sweep((), views[:1])
-    assert [copies.photo_of(view) is not None for view in views] == [True, False] + 50 * [True]
-    path.write_bytes(b"damaged")
-    assert PhotoCopies(tmp_path / "photos").photo_of(view) is None
-
-
-def test_a_session_without_a_folder_keeps_no_photo(model: Model) -> None:
-    view = PhotoView(b"", model.camera(0.0, 0.0))
-    PhotoCopies().keep_photo(view, CutOutPreview(np.zeros((4, 4, 3), np.uint8), ()))
-    assert PhotoCopies().photo_of(view) is None
 
 
 @in_window("both")

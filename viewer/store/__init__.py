@@ -1,0 +1,1 @@
+"""Kept work: objects, undo histories, fits, waiting photos and last images, in SQLite."""

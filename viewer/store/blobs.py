@@ -1,0 +1,95 @@
+"""Contents by their hash, once each: bytes, and JSON that refers to other contents by number."""
+
+import hashlib
+import sqlite3
+import weakref
+from collections.abc import Iterable
+from contextlib import suppress
+from typing import Any, TypeVar
+
+from core.runtime.reading import parse_json
+
+T = TypeVar("T", bytes, str)
+
+_USED = """WITH RECURSIVE used(id) AS (
+    SELECT codes FROM objects WHERE {objects} UNION SELECT unedited FROM objects WHERE unedited NOT NULL AND {objects}
+    UNION SELECT fit FROM objects WHERE fit NOT NULL AND {objects} UNION SELECT state FROM steps WHERE {session}
+    UNION SELECT request FROM requests WHERE {session} UNION SELECT part FROM parts JOIN used ON whole = used.id)"""
+USED = _USED.format(objects="TRUE", session="TRUE")
+"""Begin of a query: the contents that rows of objects and sessions need, as the table ``used``."""
+USED_BY_SESSION = _USED.format(
+    objects="key IN (SELECT object FROM members WHERE session = :session)", session="session = :session"
+)
+"""Likewise of one session and its objects."""
+
+
+class Blobs:
+    """The contents of a database."""
+
+    def __init__(self, connection: sqlite3.Connection) -> None:
+        self._connection = connection
+        self._numbers: dict[int, tuple[weakref.ref, int]] = {}  # of values in memory, by id
+
+    def add(self, content: bytes | str, parts: Iterable[int] = ()) -> int:
+        """Store a content unless it is there, and return its number.
+
+        Args:
+            parts: numbers of the contents that it refers to.
+        """
+        digest = digest_of(content)
+        if (number := self.find(digest)) is not None:
+            return number
+        inserted = self._connection.execute("INSERT INTO blobs (digest, content) VALUES (?, ?)", (digest, content))
+        number = inserted.lastrowid
+        assert number is not None
+        self._connection.executemany("INSERT INTO parts VALUES (?, ?)", ((number, part) for part in parts))
+        return number
+
+    def find(self, digest: bytes) -> int | None:
+        """Return the number of the content with a digest, if it is there."""
+        row = self._connection.execute("SELECT id FROM blobs WHERE digest = ?", (digest,)).fetchone()
+        return row[0] if row else None
+
+    def number_of(self, value: object) -> int | None:
+        """Return the number of a value in memory that was noted."""
+        reference, number = self._numbers.get(id(value), (None, 0))
+        return number if reference is not None and reference() is value else None
+
+    def note(self, value: object, number: int) -> None:
+        """Note the number of a value while it is in memory; tuples, which are small, are not noted."""
+        key = id(value)
+        with suppress(TypeError):
+            self._numbers[key] = weakref.ref(value, lambda _: self._forget(key)), number
+
+    def content(self, number: int, kind: type[T]) -> T:
+        """Return a content of type bytes or str by its number. Raises ``ValueError`` if it is missing."""
+        row = self._connection.execute("SELECT content FROM blobs WHERE id = ?", (number,)).fetchone()
+        if row and isinstance(row[0], kind):
+            return row[0]
+        raise ValueError(f"the content {number} is missing")
+
+    def record(self, number: int) -> Any:
+        """Return a content that is JSON. Raises ``ValueError`` for any other."""
+        return parse_json(self.content(number, str))
+
+    def sweep(self) -> None:
+        """Delete the objects that nobody lists and no session has, and the contents that no row needs."""
+        self._connection.execute("DELETE FROM objects WHERE NOT mine AND key NOT IN (SELECT object FROM members)")
+        self._connection.execute(f"{USED} DELETE FROM blobs WHERE id NOT IN (SELECT id FROM used)")
+        self.forget_numbers()
+
+    def forget_numbers(self) -> None:
+        """Look every value up again, as another window may have deleted its content."""
+        self._numbers.clear()
+
+    def _forget(self, key: int) -> None:
+        entry = self._numbers.get(key)
+        if entry and entry[0]() is None:
+            del self._numbers[key]
+
+
+def digest_of(content: bytes | str) -> bytes:
+    """Return the hash of a content; that of a text differs from that of its bytes."""
+    if isinstance(content, str):
+        return hashlib.blake2b(content.encode(), digest_size=16, person=b"text").digest()
+    return hashlib.blake2b(content, digest_size=16).digest()

@@ -1,0 +1,266 @@
+"""Frozen values as JSON by the types of their fields; large and shared parts are contents of their own."""
+
+import io
+import json
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import fields, is_dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import AbstractArray
+from PIL import Image
+from torch import Tensor
+
+from core.edits.edit import Edit
+from core.edits.kinds import edits_json, read_edits
+from core.geometry.pixels import to_bytes
+from core.models.codes import Codes
+from core.models.missing import MissingInstance
+from core.models.model import Instance
+from core.models.photo_detail import Erasure, PhotoDetail, PhotoView, decompressed
+from core.photos.detector import Box
+from core.photos.photo import Photo
+from core.runtime.numbers import whole
+from core.runtime.reading import field_types, open_image, optional, read_bytes, reading, typed
+from viewer.store.blobs import Blobs
+from viewer.values.cut_out_preview import CutOutPreview, read_compressed
+from viewer.values.fit_history import FittedPhoto, PhotoSource
+
+_SHARED = Instance, PhotoView, Erasure, FittedPhoto  # types that many values share: JSON of their own
+_BESIDE_IMAGE = (
+    *("camera", "cropped", "scaled", "unseen", "opacity", "edge_error", "focal", "blur", "mask_confidence"),
+    "side",
+)  # fields of a photo that a PNG cannot store
+_MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000  # bytes of RGBA pixels: of one photo, and of all photos
+_MAX_TENSOR = 64_000_000  # bytes
+
+
+def put(blobs: Blobs, value: Any) -> int:
+    """Store a value as JSON with its parts, and return the number of the JSON."""
+    if (number := blobs.number_of(value)) is None:
+        encoder = Encoder(blobs)
+        content = json.dumps(encoder.encode(value, whole=True))
+        number = blobs.add(content, encoder.parts)
+        blobs.note(value, number)
+    return number
+
+
+WriteFile = Callable[[bytes, str], Path | None]  # writes the copy of a photo's file, by content and name
+
+
+class Encoder:
+    """Encodes a value as JSON; large and shared values are added to the contents of a database."""
+
+    def __init__(self, blobs: Blobs) -> None:
+        self._blobs = blobs
+        self.parts = set[int]()  # numbers of the contents that the JSON refers to
+
+    def encode(self, value: Any, whole: bool = False) -> Any:
+        """Encode a value.
+
+        Args:
+            whole: encode the value itself if its type is a shared one, not the number of its content.
+        """
+        if isinstance(value, _SHARED) and not whole:
+            return self._part(put(self._blobs, value))
+        if isinstance(value, Tensor):
+            array = value.detach().cpu().contiguous().numpy()
+            return {"dtype": array.dtype.name, "shape": array.shape, "content": self._content(array.tobytes())}
+        if isinstance(value, bytes):
+            return self._content(value)
+        if isinstance(value, Path):
+            return str(value)
+        if type(value) in _ENCODERS:
+            return _ENCODERS[type(value)](self, value)
+        if isinstance(value, Instance):
+            latents = self.fields(replace(value.codes, edits=()))
+            del latents["edits"]
+            return latents | edits_json(value.codes.edits) | {"model": value.fingerprint}
+        if is_dataclass(value) or hasattr(value, "_fields"):
+            return self.fields(value)
+        if isinstance(value, tuple | frozenset):
+            return [self.encode(item) for item in (sorted(value) if isinstance(value, frozenset) else value)]
+        return value
+
+    def fields(self, value: Any, *names: str) -> dict[str, Any]:
+        """Encode fields of a value by name, by default all."""
+        return {name: self.encode(getattr(value, name)) for name in names or _names(value.__class__)}
+
+    def _content(self, content: bytes) -> int:
+        return self._part(self._blobs.add(content))
+
+    def _part(self, number: int) -> int:
+        self.parts.add(number)
+        return number
+
+    def photo(self, photo: Photo) -> dict[str, Any]:
+        """Encode a photo, its pixels as an image."""
+        image = self._content(encode_photo(photo))
+        fine = photo.fine and self._content(photo.fine)
+        return {"image": image, "fine": fine} | self.fields(photo, *_BESIDE_IMAGE)
+
+    def fitted(self, fitted: FittedPhoto) -> dict[str, Any]:
+        """Encode a fitted photo with the whole photo beside it."""
+        record = self.fields(fitted, "source", "photo")
+        if preview := fitted.preview:
+            record |= {"preview": self._content(preview.compressed), "boxes": self.encode(preview.boxes)}
+        return record
+
+    def source(self, source: PhotoSource) -> dict[str, Any]:
+        """Encode a photo to fit with its file, if there is a copy; then a name does in place of its path."""
+        content = optional(lambda: read_bytes(source.file)) if source.copy else None
+        if not isinstance(content, bytes):
+            return self.fields(source._replace(copy=None))
+        return self.fields(source._replace(path=Path(source.path.name)), "path", "hints") | {
+            "file": self._content(content),
+            "file_name": source.file.name,
+        }
+
+
+_ENCODERS: dict[Any, Callable[[Encoder, Any], dict[str, Any]]] = {
+    Photo: Encoder.photo,
+    FittedPhoto: Encoder.fitted,
+    PhotoSource: Encoder.source,
+}
+
+
+class Decoder:
+    """Decodes values of a database. Equal parts are one object; objects are of no model yet."""
+
+    def __init__(self, blobs: Blobs, files: WriteFile | None = None) -> None:
+        """Decode contents of ``blobs``; ``files`` writes the copies of photos; None writes none."""
+        self._blobs = blobs
+        self._files = files or (lambda content, name: None)
+        self._values: dict[tuple, Any] = {}
+        self._left = _MAX_PHOTOS  # bytes left for the pixels of photos not yet decoded
+
+    def value(self, kind: Any, number: Any) -> Any:
+        """Return a value by the number of its content, the same for the same number; ``ValueError`` for others."""
+        key = kind, whole(number)
+        if key not in self._values:
+            self._values[key] = self.decode(kind, self._blobs.record(key[1]), whole_value=True)
+        return self._values[key]
+
+    def decode(self, kind: Any, record: Any, whole_value: bool = False) -> Any:
+        """Decode a value of type ``kind``, the inverse of :meth:`Encoder.encode`; missing fields get their defaults.
+
+        Raises ``ValueError`` for other content.
+        """
+        if whole_value and kind in _WHOLE:
+            return _WHOLE[kind](self, record)
+        inner = partial(self._reader, excluded=kind if whole_value else None)
+        value = typed(kind, record, inner, getattr(kind, "__name__", "it").lower())
+        if isinstance(value, PhotoView):
+            value.pixels()  # raises if damaged
+        return value
+
+    def _reader(self, kind: Any, excluded: Any = None) -> Callable[[Any], Any] | None:
+        """Return the decoder of a type that JSON lacks."""
+        if kind is excluded:
+            return None
+        if kind in _SHARED:
+            return partial(self.value, kind)
+        if kind is bytes:
+            return self._bytes
+        if isinstance(kind, type) and issubclass(kind, AbstractArray):
+            return partial(self._tensor, kind)
+        return partial(_DECODERS[kind], self) if kind in _DECODERS else None
+
+    def _bytes(self, number: Any) -> bytes:
+        return self._blobs.content(whole(number), bytes)
+
+    def _tensor(self, kind: Any, record: Any) -> Any:
+        record = typed(dict, record, name="tensor")
+        shape = typed(tuple[int, ...], record.get("shape"), name="shape")
+        dtype = np.dtype(typed(str, record.get("dtype"), name="dtype"))
+        content = self._bytes(record.get("content"))
+        if dtype.kind not in "bfiu" or len(content) > _MAX_TENSOR:
+            raise ValueError("no numbers of a tensor")
+        value = self._values.setdefault(
+            (dtype, shape, record["content"]), torch.from_numpy(np.frombuffer(content, dtype).reshape(shape).copy())
+        )
+        if isinstance(value, kind):
+            return value
+        raise ValueError(f"a tensor of shape {shape} where {kind.__name__} was expected")
+
+    def _instance(self, record: Any) -> Instance:
+        record = typed(dict, record, name="codes")
+        codes = typed(Codes, record | {"edits": record}, self._reader, "codes")
+        return MissingInstance(typed(str, record.get("model"), name="model"), codes)
+
+    def _photo(self, record: Any) -> Photo:
+        kinds = field_types(Photo)
+        beside = {name: self.decode(kinds[name], record[name]) for name in _BESIDE_IMAGE if name in record}
+        photo = decode_photo(self._bytes(record["image"]), min(_MAX_PHOTO, self._left), **beside)
+        self._left -= 4 * photo.mask.numel()
+        if record.get("fine") is None:
+            return photo
+        fine = self._bytes(record["fine"])
+        decompressed(fine)  # raises if damaged
+        return replace(photo, fine=fine)
+
+    def _fitted_photo(self, record: Any) -> FittedPhoto:
+        source = self._source(record["source"])
+        preview = optional(lambda: self._preview(record)) if "preview" in record else None
+        return FittedPhoto.of(source, self._photo(record["photo"]), preview)
+
+    def _preview(self, record: Any) -> CutOutPreview:
+        pixels = read_compressed(self._bytes(record["preview"]))
+        return CutOutPreview(pixels, self.decode(tuple[Box, ...], record["boxes"]))
+
+    def _source(self, record: Any) -> PhotoSource:
+        key = PhotoSource, repr(record)
+        if key not in self._values:  # a fitted photo's source is that of its history
+            source = typed(PhotoSource, record, name="source")
+            name = Path(record.get("file_name") or "").name
+            if name not in ("", ".."):
+                with suppress(ValueError, OSError):
+                    source = source._replace(copy=self._files(self._bytes(record.get("file")), name))
+            self._values[key] = source
+        return self._values[key]
+
+    def _detail(self, record: Any) -> PhotoDetail | None:
+        """Decode photo detail; None if a part of it is damaged, as the object can do without."""
+        return optional(lambda: typed(PhotoDetail, record, partial(self._reader, excluded=PhotoDetail), "detail"))
+
+
+_DECODERS: dict[Any, Callable[[Decoder, Any], Any]] = {
+    Photo: Decoder._photo,
+    PhotoSource: Decoder._source,
+    PhotoDetail: Decoder._detail,
+    tuple[Edit, ...]: lambda _, record: read_edits(record),
+}
+
+_WHOLE: dict[Any, Callable[[Decoder, Any], Any]] = {
+    Instance: Decoder._instance,
+    FittedPhoto: Decoder._fitted_photo,
+}
+
+
+def encode_photo(photo: Photo) -> bytes:
+    """Encode a photo as PNG with its mask as opacity."""
+    pixels = to_bytes(photo.pixels)
+    file = io.BytesIO()
+    Image.fromarray(np.dstack((pixels, 255 * photo.mask.numpy().astype(np.uint8)))).save(file, "PNG")
+    return file.getvalue()
+
+
+def decode_photo(file: bytes, most: int = _MAX_PHOTO, **beside: Any) -> Photo:
+    """Decode a photo, the inverse of :func:`encode_photo`. Raises ``ValueError`` for other files.
+
+    Args:
+        most: limit of the decoded pixels in bytes.
+        beside: the photo's other fields.
+    """
+    with reading("its photo", "an image"), open_image(io.BytesIO(file), most=most) as image:
+        rgba = torch.from_numpy(np.array(image.convert("RGBA")))
+        return Photo(rgba[..., :3].float() / 255, rgba[..., 3] > 127, **beside)
+
+
+@cache
+def _names(kind: Any) -> tuple[str, ...]:
+    return tuple(item.name for item in fields(kind)) if is_dataclass(kind) else kind._fields

@@ -1,0 +1,297 @@
+"""Rows of sessions and objects: written as far as they have changed, and read by the types of their columns."""
+
+import json
+import secrets
+import sqlite3
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from core.models.model import Instance
+from core.runtime.reading import first_line, parse_json, typed
+from viewer.store.blobs import Blobs
+from viewer.store.encoding import Decoder, put
+from viewer.store.schema import transaction
+from viewer.values.fit_history import FitHistory, FitRequest
+from viewer.values.history import History, State, Step
+from viewer.values.objects import EditableObject, unique_name
+from viewer.values.project import Project
+
+_MAX_STEPS = 32  # steps of a finished fit that are kept, for its curve
+_MAX_ROWS = 10_000  # of a kind that are read of a session
+_CAMERAS = "the cameras have another size than the photos"
+
+
+class SessionRows:
+    """The rows of one session, which a window owns."""
+
+    def __init__(self, connection: sqlite3.Connection, blobs: Blobs, display: str, clock: Callable[[], float]) -> None:
+        """Begin a session, which has rows once it is written."""
+        self.number: int | None = None
+        self._connection = connection
+        self._blobs = blobs
+        self._display = display
+        self._clock = clock
+        self._owner = secrets.token_hex(8)
+        self._known: dict[str, EditableObject] = {}  # objects as their rows have them, by key
+        self._written = Project(History(()))  # as the rows have it
+        self._mine = set[str]()  # keys of the objects of *Mine*
+
+    def know(self, objects: Iterable[EditableObject], fits: dict[str, FitHistory]) -> None:
+        """Take note of objects and fits that were read, and need not be written."""
+        self._known |= {item.key: item for item in objects}
+        self._mine |= {item.key for item in objects if item.fitted}
+        self._written = replace(self._written, fits=dict(self._written.fits) | fits)
+
+    def claim(self, number: int, crashes: int) -> None:
+        """Own a session that another run has left; inside a transaction."""
+        self.number = number
+        values = self._owner, self._display, self._clock(), crashes, number
+        self._connection.execute(
+            "UPDATE sessions SET status = 'open', owner = ?, display = ?, seen = ?, crashes = ? WHERE id = ?", values
+        )
+
+    def write(self, project: Project, status: str = "open") -> None:
+        """Write what has changed since the last call, in one transaction. Raises ``sqlite3.Error`` on failure."""
+        try:
+            with transaction(self._connection):
+                self._write(project, status)
+        except sqlite3.IntegrityError:  # another window has deleted something that this one still has
+            self._blobs.forget_numbers()
+            there = {str(key) for (key,) in self._connection.execute("SELECT key FROM objects")}
+            self._known = {key: item for key, item in self._known.items() if key in there}
+            with transaction(self._connection):
+                self._write(project, status)
+        self._written = replace(project, fits=dict(self._written.fits) | dict(project.fits))
+        self._known |= {item.key: item for item in project.objects}
+        self._mine = _mine(project)
+
+    def _write(self, project: Project, status: str) -> None:
+        now = self._clock()
+        if not self.beat():
+            self.number = None  # another window has gone on with it while this one slept
+            self._written = Project(History(()))
+            values = status, self._display, self._owner, now, now
+            inserted = self._connection.execute(
+                "INSERT INTO sessions (status, display, owner, seen, changed) VALUES (?, ?, ?, ?, ?)", values
+            )
+            self.number = inserted.lastrowid
+        self._write_objects(project)
+        self._write_steps(project)
+        self._write_requests(project)
+        models = json.dumps(project.models)
+        path = str(project.path) if project.path else None
+        ends = project.history.current, project.history.tip
+        assignments = "status = ?, changed = ?, current = ?, tip = ?, models = ?, project = ?"
+        row = status, now, *ends, models, path, self.number
+        self._connection.execute(f"UPDATE sessions SET {assignments} WHERE id = ?", row)
+
+    def beat(self) -> bool:
+        """Tell other windows that this one is alive; False if the session is not this window's, or has no rows."""
+        query = "UPDATE sessions SET seen = ? WHERE id = ? AND owner = ?"
+        return bool(self._connection.execute(query, (self._clock(), self.number, self._owner)).rowcount)
+
+    def _write_objects(self, project: Project) -> None:
+        execute = self._connection.execute
+        for entry in project.model_files.items() - self._written.model_files.items():
+            execute("INSERT OR REPLACE INTO models VALUES (?, ?)", entry)
+        mine = _mine(project)
+        for item in project.objects:
+            if self._known.get(item.key) is not item:
+                self._write_object(item, item.key in mine)
+        for key in mine ^ self._mine:
+            execute("UPDATE objects SET mine = ? WHERE key = ?", (key in mine, int(key)))
+        for key, fit in project.fits.items():
+            if self._written.fits.get(key) is not fit and fit.sources:
+                execute("UPDATE objects SET fit = ? WHERE key = ?", (put(self._blobs, _thinned(fit)), int(key)))
+        if not self._written.history.steps:
+            execute("DELETE FROM members WHERE session = ?", (self.number,))
+        before, after = ({int(item.key) for item in value.members} for value in (self._written, project))
+        for member in after - before:
+            execute("INSERT OR IGNORE INTO members VALUES (?, ?)", (self.number, member))
+        for member in before - after:
+            execute("DELETE FROM members WHERE session = ? AND object = ?", (self.number, member))
+
+    def _write_object(self, item: EditableObject, is_mine: bool) -> None:
+        ends = (put(self._blobs, item.instance), item.unedited and put(self._blobs, item.unedited))
+        root = int(item.version_of) if item.version_of else None
+        values = int(item.key), item.name, root, item.fitted, item.confidence, *ends, is_mine
+        self._connection.execute(
+            "INSERT INTO objects (key, name, version_of, fitted, confidence, codes, unedited, mine)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET name = excluded.name,"
+            " version_of = excluded.version_of, fitted = excluded.fitted, confidence = excluded.confidence,"
+            " codes = excluded.codes, unedited = excluded.unedited",
+            values,
+        )
+
+    def _write_steps(self, project: Project) -> None:
+        """Write the steps that differ, objects in them by their keys, as other sessions may rename them."""
+        keys = {item.name: f"#{item.key}" for item in project.objects}
+        before = self._written.history.steps
+        for number, step in enumerate(project.history.steps):
+            if number >= len(before) or before[number].state is not step.state or before[number].parent != step.parent:
+                state = put(self._blobs, step.state.renamed(keys))
+                values = self.number, number, step.parent, state
+                self._connection.execute("INSERT OR REPLACE INTO steps VALUES (?, ?, ?, ?)", values)
+        query = "DELETE FROM steps WHERE session = ? AND number >= ?"
+        self._connection.execute(query, (self.number, len(project.history.steps)))
+
+    def _write_requests(self, project: Project) -> None:
+        if project.pending or self._written.pending:
+            self._connection.execute("DELETE FROM requests WHERE session = ?", (self.number,))
+        for number, request in enumerate(project.pending):
+            bare = request._replace(history=_thinned(request.history))
+            values = self.number, number, put(self._blobs, bare)
+            self._connection.execute("INSERT INTO requests VALUES (?, ?, ?)", values)
+
+
+def _mine(project: Project) -> set[str]:
+    """Return the keys of the fitted objects that were not removed."""
+    removed = project.history.now.removed
+    return {item.key for item in project.objects if item.fitted and item.name not in removed}
+
+
+def _thinned(fit: FitHistory) -> FitHistory:
+    """Return a fit with few steps, of which only the last has other hypotheses than the best."""
+    *before, last = fit.steps or (None,)
+    if last is None:
+        return fit
+    stride = -(-len(before) // (_MAX_STEPS - 1)) or 1
+    steps = (replace(step, hypotheses=step.hypotheses[:1]) for step in before[::stride])
+    return replace(fit, steps=(*steps, last))
+
+
+# Reading
+
+
+class _Object(NamedTuple):
+    """Columns of an object; ``codes``, ``unedited`` and ``fit`` are numbers of contents."""
+
+    key: int
+    name: str
+    version_of: int | None
+    fitted: int
+    confidence: float | None
+    codes: int
+    unedited: int | None
+    fit: int | None
+
+
+class SessionReader:
+    """Reads rows without those that are damaged, for which it has the reasons."""
+
+    def __init__(self, connection: sqlite3.Connection, decoder: Decoder) -> None:
+        self._connection = connection
+        self._decoder = decoder
+        self.lost: list[str] = []
+
+    def objects(self, where: str, *values: Any) -> dict[EditableObject, int | None]:
+        """Return objects, the oldest first, with the numbers of their fits. Equal names get a number."""
+        columns = ", ".join(_Object._fields)
+        rows = self._rows(f"SELECT {columns} FROM objects WHERE {where} ORDER BY key LIMIT {_MAX_ROWS}", *values)
+        objects = dict[EditableObject, int | None]()
+        taken = set[str]()
+        for row in rows:
+            if (entry := self._try(partial(self._object, row, taken))) is not None:
+                objects[entry[0]] = entry[1]
+                taken.add(entry[0].name)
+        return objects
+
+    def _object(self, row: tuple, taken: set[str]) -> tuple[EditableObject, int | None]:
+        columns = typed(_Object, dict(zip(_Object._fields, row, strict=True)), name="object")
+        instance = self._decoder.value(Instance, columns.codes)
+        unedited = None if columns.unedited is None else self._decoder.value(Instance, columns.unedited)
+        root = "" if columns.version_of is None else str(columns.version_of)
+        fitted = bool(columns.fitted)
+        name = unique_name(columns.name, taken)
+        return EditableObject(name, instance, fitted, columns.confidence, unedited, root, str(columns.key)), columns.fit
+
+    def session(self, number: int, now: State | None, with_fits: bool = False) -> Project:
+        """Return a session as a project; with the state ``now`` alone if none can be read."""
+        rows = self._rows("SELECT current, tip, models, project FROM sessions WHERE id = ?", number)
+        current, tip, models, path = rows[0] if rows else (None,) * 4
+        where = f"key IN (SELECT object FROM members WHERE session = ? LIMIT {_MAX_ROWS})"
+        objects = self.objects(where, number)
+        names = {f"#{item.key}": item.name for item in objects}
+        fits = {
+            item.key: fit
+            for item, content in objects.items()
+            if with_fits and content is not None and (fit := self._try(partial(self.fit, content)))
+        }
+        query = f"SELECT request FROM requests WHERE session = ? ORDER BY number LIMIT {_MAX_ROWS}"
+        requests = self._rows(query, number)
+        pending = (self._try(partial(self._request, content)) for (content,) in requests)
+        return Project(
+            self._history(number, current, tip, names, now),
+            tuple(objects),
+            fits,
+            tuple(filter(None, pending)),
+            self._try(lambda: typed(tuple[str, ...], parse_json(models or "[]"))) or (),
+            self.model_files(),
+            self._try(lambda: typed(Path | None, path, name="project")),
+            lost=tuple(dict.fromkeys(self.lost)),
+        )
+
+    def model_files(self) -> dict[str, str]:
+        """Return names or paths of models by fingerprint."""
+        rows = self._rows(f"SELECT fingerprint, file FROM models LIMIT {_MAX_ROWS}")
+        return {key: file for key, file in rows if isinstance(key, str) and isinstance(file, str)}
+
+    def fit(self, content: int) -> FitHistory:
+        """Return how an object was fitted. Raises ``ValueError`` for other content."""
+        return _checked(self._decoder.value(FitHistory, content))
+
+    def _request(self, content: Any) -> FitRequest:
+        request = self._decoder.value(FitRequest, content)
+        _checked(request.history)
+        return request
+
+    def _history(self, number: int, current: Any, tip: Any, names: dict[str, str], now: State | None) -> History:
+        """Return a history without unreadable states; readable ones are consecutive if they are no tree."""
+        query = f"SELECT number, parent, state FROM steps WHERE session = ? ORDER BY number LIMIT {_MAX_ROWS}"
+        rows = self._rows(query, number)
+        if len(rows) != (count := rows[-1][0] + 1 if rows and isinstance(rows[-1][0], int) else 0):
+            self.lost.append(f"{count - len(rows)} states are missing")
+        states = [self._try(partial(self._decoder.value, State, content)) for *_, content in rows]
+        unreadable = {place for place, state in enumerate(states) if state is None}
+        if len(unreadable) == len(states):
+            if now is None:
+                raise ValueError(*self.lost[:1])
+            return History.of(now)
+        substitute = next(filter(None, states))
+        states = [(state or substitute).renamed(names) for state in states]
+        places = {step: place for place, (step, *_) in enumerate(rows)} | {-1: -1}
+
+        def tree() -> History:
+            steps = tuple(Step(state, places[parent]) for state, (_, parent, _) in zip(states, rows, strict=True))
+            history = History(steps, places[current], places[tip])
+            history.check()
+            return history
+
+        return (self._try(tree) or History.of(*states)).without(unreadable)
+
+    def _rows(self, query: str, *values: Any) -> list[tuple]:
+        """Return the rows of a query, up to the first damaged one."""
+        rows = list[tuple]()
+        self._try(lambda: rows.extend(self._connection.execute(query, values)))
+        return rows
+
+    def _try(self, read: Callable[[], Any]) -> Any:
+        """Return the value of ``read``; None if it raises, for a reason that is noted."""
+        try:
+            return read()
+        except Exception as error:
+            self.lost.append(first_line(error))
+            return None
+
+
+def _checked(fit: FitHistory) -> FitHistory:
+    """Return a fit. Raises ``ValueError`` if its cameras differ in image size from its photos."""
+    sizes = {fitted.pixels.shape[1::-1] for fitted in fit.photos}
+    for step in fit.steps:
+        for result in (step, *step.hypotheses, step.runner_up):
+            if result and not {(camera.width, camera.height) for camera in result.cameras} <= sizes:
+                raise ValueError(_CAMERAS)
+    return fit

@@ -1,0 +1,270 @@
+"""The database of kept work, and the thread that reads and writes it, so that the window never waits."""
+
+import sqlite3
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+from viewer.store.blobs import Blobs
+from viewer.store.encoding import Decoder
+from viewer.store.files import save_project
+from viewer.store.photo_copies import PhotoCopies
+from viewer.store.pictures import Pixels, read_pictures, write_pictures
+from viewer.store.rows import SessionReader, SessionRows
+from viewer.store.schema import connect, is_sound, recovered, transaction
+from viewer.values.fit_history import FitHistory
+from viewer.values.history import State
+from viewer.values.objects import EditableObject
+from viewer.values.project import SUFFIX, Project
+
+T = TypeVar("T")
+
+FILE = f"work{SUFFIX}"
+SILENCE = 30.0  # s without a sign of life after which a window on another display has crashed
+EARLIER = 10  # replaced sessions that are kept
+_SWEPT = 500  # transactions after which contents that nothing needs are deleted
+
+
+def _connect_sound(path: Path) -> sqlite3.Connection | None:
+    """Open a database; None if it is damaged, which is examined if a window has crashed."""
+    try:
+        connection = connect(path)
+        left = connection.execute("SELECT 1 FROM sessions WHERE status = 'open'").fetchone()
+        if left is None or is_sound(connection):
+            return connection
+        connection.close()
+    except sqlite3.OperationalError:  # the folder takes no file
+        raise
+    except sqlite3.DatabaseError:
+        pass
+    return None
+
+
+class Earlier(NamedTuple):
+    """A session that was replaced or left aside."""
+
+    number: int
+    changed: float  # s since 1970
+
+    @property
+    def name(self) -> str:
+        """The time of its last change, in words."""
+        return f"{datetime.fromtimestamp(self.changed):%Y-%m-%d %H.%M}"
+
+
+class Store:
+    """Kept work of a user. Functions that take long return futures; the others wait for them."""
+
+    def __init__(self, folder: Path | None = None, display: str = "", clock: Callable[[], float] = time.time) -> None:
+        """Open the database in a folder; None keeps everything in memory.
+
+        Args:
+            display: name of this window's display, which has one window: its other sessions have ended.
+            clock: s since 1970.
+        """
+        self.notes: list[str] = []  # what a person should know about the database
+        self.copies = PhotoCopies()
+        self.earlier: tuple[Earlier, ...] = ()  # the newest first
+        self._display = display
+        self._clock = clock
+        self._writes = 0  # since contents were swept
+        self._synced = True
+        self._late: list[Callable[[], None]] = []  # write replaced sessions that are not written yet
+        self._thread = ThreadPoolExecutor(1, "store")
+        self._connection = self.run(lambda: self._open(folder))
+        self._blobs = Blobs(self._connection)
+        self._rows = self._new_rows()
+        self.earlier = self.run(self._list_earlier)
+
+    def run(self, action: Callable[[], T]) -> T:
+        """Do something on the thread after all that was submitted, and wait for it."""
+        return self._thread.submit(action).result()
+
+    def _open(self, folder: Path | None) -> sqlite3.Connection:
+        if folder is None:
+            return connect(None)
+        path = folder / FILE
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            if connection := _connect_sound(path):
+                return connection
+            aside = recovered(path).name
+            self.notes.append(f"{FILE} was damaged: what could be read of it is here, and the file is kept as {aside}")
+            return connect(path)
+        except (OSError, ValueError, sqlite3.Error) as error:
+            self.notes.append(f"Nothing is kept for the next launch, as {folder} takes no file ({error})")
+            return connect(None)
+
+    def _new_rows(self) -> SessionRows:
+        return SessionRows(self._connection, self._blobs, self._display, self._clock)
+
+    def _reader(self) -> SessionReader:
+        return SessionReader(self._connection, Decoder(self._blobs, self.copies.write))
+
+    # Objects, fits and images
+
+    def mine(self) -> tuple[tuple[EditableObject, ...], dict[str, str]]:
+        """Return the fitted objects of all sessions, and the files of models by fingerprint."""
+
+        def read() -> tuple[tuple[EditableObject, ...], dict[str, str]]:
+            reader = self._reader()
+            return tuple(reader.objects("mine")), reader.model_files()
+
+        return self.run(read)
+
+    def know(self, objects: tuple[EditableObject, ...]) -> None:
+        """Take note of objects of *Mine* as they stand in the library."""
+        self.run(lambda: self._rows.know(objects, {}))
+
+    def fit(self, key: str) -> Future[FitHistory]:
+        """Return how an object was fitted; an empty history if that is not known."""
+
+        def read() -> FitHistory:
+            query = "SELECT fit FROM objects WHERE key = ? AND fit NOT NULL"
+            row = self._connection.execute(query, (int(key),)).fetchone()
+            with suppress(ValueError):
+                fit = self._reader().fit(row[0]) if row else FitHistory()
+                self._rows.know((), {key: fit})
+                return fit
+            return FitHistory()
+
+        return self._thread.submit(read)
+
+    def pictures(self) -> dict[str, Pixels]:
+        """Return the last images by name."""
+        return self.run(lambda: read_pictures(self._connection))
+
+    def keep_pictures(self, make: Callable[[], Mapping[str, Pixels]]) -> Future[None]:
+        """Store images for the next launch; ``make`` is called on the thread."""
+
+        def write() -> None:
+            pictures = make()
+            with transaction(self._connection):
+                write_pictures(self._connection, pictures)
+
+        return self._thread.submit(write)
+
+    # Sessions
+
+    def resume(self) -> int | None:
+        """Own the newest session that no window has, and return its number; None if there is none.
+
+        The others become earlier ones, and so does a session that ended the program twice, which is noted.
+        """
+        return self.run(self._claim)
+
+    def _claim(self) -> int | None:
+        condition = "status = 'closed' OR status = 'open' AND (display = ? OR seen < ?)"
+        values = self._display, self._clock() - SILENCE
+        with transaction(self._connection):
+            query = f"SELECT id, status, crashes FROM sessions WHERE {condition} ORDER BY changed DESC, id DESC"
+            left = self._connection.execute(query, values).fetchall()
+            numbers = [row[:1] for row in left]
+            self._connection.executemany("UPDATE sessions SET status = 'earlier' WHERE id = ?", numbers)
+            number, status, crashes = left[0] if left else (None, "", 0)
+            crashes = crashes + 1 if status == "open" else 0
+            if number is not None and crashes < 2:
+                self._rows.claim(number, crashes)
+        self.earlier = self._list_earlier()
+        if crashes >= 2:
+            self.notes.append("The program ended twice in the last session, so it was not opened: see File, Recent")
+            return None
+        return number
+
+    def _list_earlier(self) -> tuple[Earlier, ...]:
+        query = "SELECT id, changed FROM sessions WHERE status = 'earlier' ORDER BY changed DESC, id DESC"
+        return tuple(Earlier(*row) for row in self._connection.execute(query))
+
+    def session(self, number: int, now: State) -> Project:
+        """Return a session as a project; with the state ``now`` alone if none can be read."""
+        return self.run(lambda: self._reader().session(number, now))
+
+    def write(self, project: Project) -> Future[None]:
+        """Write what has changed in this window's session. The future raises ``sqlite3.Error`` on failure."""
+
+        def write() -> None:
+            self._rows.write(project)
+            self._writes += 1
+            self._synced = False
+
+        return self._thread.submit(write)
+
+    def archive(self, project: Project) -> Future[None]:
+        """Make this window's session an earlier one, unless it is empty, and begin another one."""
+
+        def write() -> None:
+            rows = self._rows
+            self._rows = self._new_rows()
+            self._late.append(lambda: self._delete(rows) if project.is_empty else rows.write(project, "earlier"))
+            self._archive_late()
+
+        return self._thread.submit(write)
+
+    def _archive_late(self) -> None:
+        """Write replaced sessions, also those that could not be written when they were replaced."""
+        while self._late:
+            self._late[0]()
+            del self._late[0]
+        self._forget_oldest()
+
+    def _delete(self, rows: SessionRows) -> None:
+        with transaction(self._connection):
+            self._connection.execute("DELETE FROM sessions WHERE id = ?", (rows.number,))
+
+    def _forget_oldest(self) -> None:
+        self.earlier = self._list_earlier()
+        with transaction(self._connection):
+            numbers = [(session.number,) for session in self.earlier[EARLIER:]]
+            self._connection.executemany("DELETE FROM sessions WHERE id = ?", numbers)
+        self.earlier = self.earlier[:EARLIER]
+
+    def save(self, project: Project, path: Path) -> None:
+        """Save a project as a file for any machine. Raises ``ValueError`` or ``sqlite3.Error`` on failure."""
+
+        def save() -> None:
+            self._rows.write(project)
+            assert self._rows.number is not None
+            save_project(self._connection, self._rows.number, path)
+
+        self.run(save)
+
+    def beat(self) -> Future[None]:
+        """Tell other windows that this one is alive, and make sure that its work survives a loss of power."""
+
+        def beat() -> None:
+            self._rows.beat()
+            if self._late:
+                self._archive_late()
+            if self._writes > _SWEPT:
+                self._sweep()
+            if not self._synced:
+                self._connection.execute("PRAGMA wal_checkpoint(PASSIVE)")
+                self._synced = True
+
+        return self._thread.submit(beat)
+
+    def _sweep(self) -> None:
+        with transaction(self._connection):
+            self._blobs.sweep()
+        self._writes = 0
+
+    def close(self, project: Project) -> None:
+        """Write the session for the next launch and end the thread. Raises ``sqlite3.Error`` on failure."""
+
+        def close() -> None:
+            self._archive_late()
+            if project.is_empty:
+                self._delete(self._rows)
+            else:
+                self._rows.write(project, "closed")
+            self._sweep()
+
+        try:
+            self.run(close)
+        finally:
+            self._thread.submit(self._connection.close)
+            self._thread.shutdown()
