@@ -294,7 +294,7 @@ class Session:
         return Project(
             self.editor.history.without_gesture(),
             self.editor.objects.ever_added,
-            self.fitting.view.finished,
+            self.fitting.view.made,
             (*self.fitting.pending, *self._waiting),
             self.models.names,
             self.models.files,
@@ -307,7 +307,7 @@ class Session:
         """The inputs of :meth:`project`; while they are identical objects, the project is the same."""
         fitting = self.fitting
         fits = fitting.request, fitting.queue, fitting.questions, fitting.results.checking, fitting.history.photos
-        named = self.editor.history, self.project_path, fitting.view.finished
+        named = self.editor.history, self.project_path, fitting.view.made
         return (*named, *fits, *self.editor.objects.ever_added)
 
     def _restore(self, project: Project, folder: Path | None = None) -> Project:

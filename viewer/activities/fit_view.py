@@ -31,7 +31,8 @@ class FitView:
         self._loading: dict[str, Future[FitHistory]] = {}  # by key of the object
         self.history = FitHistory()
         self.key = ""  # key of the object of the last finished fit that was shown
-        self.finished: Mapping[str, FitHistory] = {}  # by key of the object, the oldest first
+        self.made: Mapping[str, FitHistory] = {}  # fits of this run, by key of the object, the oldest first
+        self._read: dict[str, FitHistory] = {}  # fits of earlier runs, likewise; empty ones of objects without a fit
         self.preview: CutOutPreview | None = None  # cut-out of the photo that was read last
         self.read_fraction: float | None = None  # finished fraction of a video that is being read, 0..1
         self.from_runner_up = False  # the runner-up's camera is shown
@@ -45,7 +46,7 @@ class FitView:
 
     def kept(self, key: str) -> FitHistory:
         """Return an object's fit; an empty one if that is not known, or not read yet."""
-        return self.finished.get(key, FitHistory())
+        return self.made.get(key) or self._read.get(key) or FitHistory()
 
     def keep(self, key: str) -> None:
         """Keep the shown fit as that of an object."""
@@ -53,24 +54,27 @@ class FitView:
         self.take({key: self.history})
 
     def take(self, fits: Mapping[str, FitHistory]) -> None:
-        """Keep fits by keys of their objects; the oldest ones beyond a limit are in the store by now."""
-        newest = [item for item in self.finished.items() if item[0] not in fits][-_MAX_KEPT:]
-        self.finished = {**dict(newest), **fits}
+        """Keep new fits by keys of their objects; the oldest ones beyond a limit are in the store by now."""
+        newest = [item for item in self.made.items() if item[0] not in fits][-_MAX_KEPT:]
+        self.made = {**dict(newest), **fits}
+        self._read = {key: fit for key, fit in self._read.items() if key not in fits}
 
     def show_kept(self, key: str) -> None:
         """Show the fit of an object, once it is read, unless it is shown; nothing if it is not known."""
         if key == self.key or not key:
             return
-        if key not in self.finished:
+        if key not in self.made and key not in self._read:
             if key not in self._loading:
                 self._loading[key] = self._load(key)
             if not (loading := self._loading[key]).done():
                 return
             del self._loading[key]
-            self.take({key: loading.result().converted(self._models.adopt)})
-        if self.finished[key].sources:
+            self._read[key] = loading.result()
+            while len(self._read) > _MAX_KEPT:
+                del self._read[next(iter(self._read))]
+        if (fit := self.kept(key).converted(self._models.adopt)).sources:
             self.key = key
-            self.show(self.finished[key])
+            self.show(fit)
 
     @property
     def model(self) -> Model:

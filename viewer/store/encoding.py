@@ -115,10 +115,8 @@ class Encoder:
         content = optional(lambda: read_bytes(source.file)) if source.copy else None
         if not isinstance(content, bytes):
             return self.fields(source._replace(copy=None))
-        return self.fields(source._replace(path=Path(source.path.name)), "path", "hints") | {
-            "file": self._content(content),
-            "file_name": source.file.name,
-        }
+        record = self.fields(source._replace(copy=None, path=Path(source.path.name)))
+        return record | {"file": self._content(content), "file_name": source.file.name}
 
 
 _ENCODERS: dict[Any, Callable[[Encoder, Any], dict[str, Any]]] = {

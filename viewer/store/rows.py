@@ -24,6 +24,22 @@ _MAX_ROWS = 10_000  # of a kind that are read of a session
 _CAMERAS = "the cameras have another size than the photos"
 
 
+class _Steps(NamedTuple):
+    """Rows of a history."""
+
+    rows: dict[int, tuple[int, int]]  # number of the parent's row, number of the content, by number of the row
+    states: dict[int, tuple[State, int, int]]  # states with the numbers of their rows and contents, by id
+
+    def numbered(self, states: Iterable[State]) -> list[int]:
+        """Return increasing numbers of rows for states: those of before if the order allows that."""
+        free = max(self.rows, default=-1) + 1
+        numbers = list[int]()
+        for state in states:
+            numbers.append(self.states[id(state)][1] if id(state) in self.states else free)
+            free += numbers[-1] == free
+        return numbers if numbers == sorted(set(numbers)) else [*range(len(numbers))]
+
+
 class SessionRows:
     """The rows of one session, which a window owns."""
 
@@ -37,13 +53,13 @@ class SessionRows:
         self._owner = secrets.token_hex(8)
         self._known: dict[str, EditableObject] = {}  # objects as their rows have them, by key
         self._written = Project(History(()))  # as the rows have it
+        self._steps = _Steps({}, {})  # rows of its history
         self._mine = set[str]()  # keys of the objects of *Mine*
 
-    def know(self, objects: Iterable[EditableObject], fits: dict[str, FitHistory]) -> None:
-        """Take note of objects and fits that were read, and need not be written."""
+    def know(self, objects: Iterable[EditableObject]) -> None:
+        """Take note of objects of *Mine* that were read, and need not be written."""
         self._known |= {item.key: item for item in objects}
-        self._mine |= {item.key for item in objects if item.fitted}
-        self._written = replace(self._written, fits=dict(self._written.fits) | fits)
+        self._mine |= self._known.keys()
 
     def claim(self, number: int, crashes: int) -> None:
         """Own a session that another run has left; inside a transaction."""
@@ -57,36 +73,40 @@ class SessionRows:
         """Write what has changed since the last call, in one transaction. Raises ``sqlite3.Error`` on failure."""
         try:
             with transaction(self._connection):
-                self._write(project, status)
+                steps = self._write(project, status)
         except sqlite3.IntegrityError:  # another window has deleted something that this one still has
             self._blobs.forget_numbers()
             there = {str(key) for (key,) in self._connection.execute("SELECT key FROM objects")}
             self._known = {key: item for key, item in self._known.items() if key in there}
             with transaction(self._connection):
-                self._write(project, status)
-        self._written = replace(project, fits=dict(self._written.fits) | dict(project.fits))
+                steps = self._write(project, status)
+        self._steps = steps
+        self._written = project
         self._known |= {item.key: item for item in project.objects}
         self._mine = _mine(project)
 
-    def _write(self, project: Project, status: str) -> None:
+    def _write(self, project: Project, status: str) -> "_Steps":
         now = self._clock()
         if not self.beat():
             self.number = None  # another window has gone on with it while this one slept
             self._written = Project(History(()))
+            self._steps = _Steps({}, {})
             values = status, self._display, self._owner, now, now
             inserted = self._connection.execute(
                 "INSERT INTO sessions (status, display, owner, seen, changed) VALUES (?, ?, ?, ?, ?)", values
             )
             self.number = inserted.lastrowid
         self._write_objects(project)
-        self._write_steps(project)
+        steps = self._write_steps(project)
         self._write_requests(project)
         models = json.dumps(project.models)
         path = str(project.path) if project.path else None
-        ends = project.history.current, project.history.tip
+        numbers = [*steps.rows]
+        ends = numbers[project.history.current], numbers[project.history.tip]
         assignments = "status = ?, changed = ?, current = ?, tip = ?, models = ?, project = ?"
         row = status, now, *ends, models, path, self.number
         self._connection.execute(f"UPDATE sessions SET {assignments} WHERE id = ?", row)
+        return steps
 
     def beat(self) -> bool:
         """Tell other windows that this one is alive; False if the session is not this window's, or has no rows."""
@@ -108,6 +128,7 @@ class SessionRows:
                 execute("UPDATE objects SET fit = ? WHERE key = ?", (put(self._blobs, _thinned(fit)), int(key)))
         if not self._written.history.steps:
             execute("DELETE FROM members WHERE session = ?", (self.number,))
+            execute("DELETE FROM steps WHERE session = ?", (self.number,))
         before, after = ({int(item.key) for item in value.members} for value in (self._written, project))
         for member in after - before:
             execute("INSERT OR IGNORE INTO members VALUES (?, ?)", (self.number, member))
@@ -126,17 +147,25 @@ class SessionRows:
             values,
         )
 
-    def _write_steps(self, project: Project) -> None:
+    def _write_steps(self, project: Project) -> "_Steps":
         """Write the steps that differ, objects in them by their keys, as other sessions may rename them."""
         keys = {item.name: f"#{item.key}" for item in project.objects}
-        before = self._written.history.steps
-        for number, step in enumerate(project.history.steps):
-            if number >= len(before) or before[number].state is not step.state or before[number].parent != step.parent:
-                state = put(self._blobs, step.state.renamed(keys))
-                values = self.number, number, step.parent, state
-                self._connection.execute("INSERT OR REPLACE INTO steps VALUES (?, ?, ?, ?)", values)
-        query = "DELETE FROM steps WHERE session = ? AND number >= ?"
-        self._connection.execute(query, (self.number, len(project.history.steps)))
+        states, parents = zip(*project.history.steps, strict=True)
+        numbers = self._steps.numbered(states)
+        written = dict[int, tuple[State, int, int]]()
+        rows = dict[int, tuple[int, int]]()
+        for number, state, parent in zip(numbers, states, parents, strict=True):
+            known = self._steps.states.get(id(state))
+            content = known[2] if known else put(self._blobs, state.renamed(keys))
+            written[id(state)] = state, number, content
+            rows[number] = numbers[parent] if parent >= 0 else -1, content
+        before = self._steps.rows
+        execute = self._connection.executemany
+        gone = ((self.number, number) for number in before.keys() - rows.keys())
+        execute("DELETE FROM steps WHERE session = ? AND number = ?", gone)
+        new = ((self.number, number, *row) for number, row in rows.items() if before.get(number) != row)
+        execute("INSERT OR REPLACE INTO steps VALUES (?, ?, ?, ?)", new)
+        return _Steps(rows, written)
 
     def _write_requests(self, project: Project) -> None:
         if project.pending or self._written.pending:

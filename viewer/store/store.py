@@ -26,7 +26,7 @@ T = TypeVar("T")
 FILE = f"work{SUFFIX}"
 SILENCE = 30.0  # s without a sign of life after which a window on another display has crashed
 EARLIER = 10  # replaced sessions that are kept
-_SWEPT = 500  # transactions after which contents that nothing needs are deleted
+SWEPT = 500  # transactions after which contents that nothing needs are deleted
 
 
 def _connect_sound(path: Path) -> sqlite3.Connection | None:
@@ -118,7 +118,7 @@ class Store:
 
     def know(self, objects: tuple[EditableObject, ...]) -> None:
         """Take note of objects of *Mine* as they stand in the library."""
-        self.run(lambda: self._rows.know(objects, {}))
+        self.run(lambda: self._rows.know(objects))
 
     def fit(self, key: str) -> Future[FitHistory]:
         """Return how an object was fitted; an empty history if that is not known."""
@@ -127,9 +127,7 @@ class Store:
             query = "SELECT fit FROM objects WHERE key = ? AND fit NOT NULL"
             row = self._connection.execute(query, (int(key),)).fetchone()
             with suppress(ValueError):
-                fit = self._reader().fit(row[0]) if row else FitHistory()
-                self._rows.know((), {key: fit})
-                return fit
+                return self._reader().fit(row[0]) if row else FitHistory()
             return FitHistory()
 
         return self._thread.submit(read)
@@ -239,7 +237,7 @@ class Store:
             self._rows.beat()
             if self._late:
                 self._archive_late()
-            if self._writes > _SWEPT:
+            if self._writes > SWEPT:
                 self._sweep()
             if not self._synced:
                 self._connection.execute("PRAGMA wal_checkpoint(PASSIVE)")
