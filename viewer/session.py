@@ -296,7 +296,6 @@ class Session:
             self.editor.objects.ever_added,
             self.fitting.view.made,
             (*self.fitting.pending, *self._waiting),
-            self.models.names,
             self.models.files,
             self.project_path,
             self._mine,

@@ -143,7 +143,8 @@ def test_a_model_file_joins_the_library(session: Session, editor: Editor, model:
     stools = replace(random_model(7), category="stools")
     before = editor.history
     session.jobs.backend = replace(session.jobs.backend, load_model=lambda name: stools)
-    session.open_model("stools.safetensors")
+    (tmp_path / "stools.safetensors").touch()
+    session.open_model(str(tmp_path / "stools.safetensors"))
     finish(session)
     assert editor.model is stools and editor.scene.instance == stools[0]
     assert editor.history.past == (before.now,)
@@ -359,7 +360,7 @@ def test_fits_of_a_missing_model_wait_for_it(worker: Worker, both: Backend, phot
     made = session.project()
     (fit,) = made.fits.values()
     waiting = FitRequest(FitHistory(fit.sources, fit.photos, model=cars.fingerprint))
-    Store().save(replace(made, pending=(waiting,), models=(), model_files={}), tmp_path / "a.codenerf")
+    Store().save(replace(made, pending=(waiting,), model_files={}), tmp_path / "a.codenerf")
 
     def chairs(name: str) -> Model:
         return both.load_model("chairs")

@@ -13,14 +13,17 @@ T = TypeVar("T", bytes, str)
 
 _USED = """WITH RECURSIVE used(id) AS (
     SELECT codes FROM objects WHERE {objects} UNION SELECT unedited FROM objects WHERE unedited NOT NULL AND {objects}
-    UNION SELECT fit FROM objects WHERE fit NOT NULL AND {objects} UNION SELECT state FROM steps WHERE {session}
-    UNION SELECT request FROM requests WHERE {session} UNION SELECT part FROM parts JOIN used ON whole = used.id)"""
-USED = _USED.format(objects="TRUE", session="TRUE")
+    UNION SELECT fit FROM objects WHERE fit NOT NULL AND {objects} UNION SELECT state FROM steps WHERE {steps}
+    UNION SELECT pending FROM sessions WHERE pending NOT NULL AND {sessions}
+    UNION SELECT part FROM parts JOIN used ON whole = used.id)"""
+USED = _USED.format(objects="TRUE", steps="TRUE", sessions="TRUE")
 """Begin of a query: the contents that rows of objects and sessions need, as the table ``used``."""
 USED_BY_SESSION = _USED.format(
-    objects="key IN (SELECT object FROM members WHERE session = :session)", session="session = :session"
+    objects="key IN (SELECT object FROM members WHERE session = :session)",
+    steps="session = :session",
+    sessions="id = :session",
 )
-"""Likewise of one session and its objects."""
+"""Begin of a query: the contents that rows of a session and its objects need."""
 
 
 class Blobs:

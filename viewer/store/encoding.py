@@ -169,7 +169,10 @@ class Decoder:
         return partial(_DECODERS[kind], self) if kind in _DECODERS else None
 
     def _bytes(self, number: Any) -> bytes:
-        return self._blobs.content(whole(number), bytes)
+        key = bytes, whole(number)
+        if key not in self._values:
+            self._values[key] = self._blobs.content(key[1], bytes)
+        return self._values[key]
 
     def _tensor(self, kind: Any, record: Any) -> Any:
         record = typed(dict, record, name="tensor")

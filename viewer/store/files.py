@@ -41,7 +41,7 @@ def save_project(connection: sqlite3.Connection, session: int, path: Path) -> No
 
 def _copy(connection: sqlite3.Connection, session: int) -> None:
     members = "key IN (SELECT object FROM members WHERE session = :session)"
-    columns = "id, 'closed', '', '', 0, 0, 0, current, tip, models, NULL"
+    columns = "id, 'closed', '', '', 0, 0, 0, current, tip, pending, NULL"
     rows = {
         "blobs": f"{USED_BY_SESSION} SELECT blobs.* FROM blobs JOIN used USING (id)",
         "parts": f"{USED_BY_SESSION} SELECT parts.* FROM parts JOIN used ON whole = used.id",
@@ -50,7 +50,6 @@ def _copy(connection: sqlite3.Connection, session: int) -> None:
         "sessions": f"SELECT {columns} FROM sessions WHERE id = :session",
         "members": "SELECT * FROM members WHERE session = :session",
         "steps": "SELECT * FROM steps WHERE session = :session",
-        "requests": "SELECT * FROM requests WHERE session = :session",
     }
     connection.execute("BEGIN")
     try:

@@ -1,6 +1,5 @@
 """Rows of sessions and objects: written as far as they have changed, and read by the types of their columns."""
 
-import json
 import secrets
 import sqlite3
 from collections.abc import Callable, Iterable
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from core.models.model import Instance
-from core.runtime.reading import first_line, parse_json, typed
+from core.runtime.reading import first_line, typed
 from viewer.store.blobs import Blobs
 from viewer.store.encoding import Decoder, put
 from viewer.store.schema import transaction
@@ -22,6 +21,12 @@ from viewer.values.project import Project
 _MAX_STEPS = 32  # steps of a finished fit that are kept, for its curve
 _MAX_ROWS = 10_000  # of a kind that are read of a session
 _CAMERAS = "the cameras have another size than the photos"
+
+
+class Pending(NamedTuple):
+    """Requests for fits that are not finished."""
+
+    requests: tuple[FitRequest, ...]
 
 
 class _Steps(NamedTuple):
@@ -51,15 +56,13 @@ class SessionRows:
         self._display = display
         self._clock = clock
         self._owner = secrets.token_hex(8)
-        self._known: dict[str, EditableObject] = {}  # objects as their rows have them, by key
+        self._known: dict[str, tuple[EditableObject, bool]] = {}  # objects as their rows have them, and as *Mine*
         self._written = Project(History(()))  # as the rows have it
         self._steps = _Steps({}, {})  # rows of its history
-        self._mine = set[str]()  # keys of the objects of *Mine*
 
     def know(self, objects: Iterable[EditableObject]) -> None:
         """Take note of objects of *Mine* that were read, and need not be written."""
-        self._known |= {item.key: item for item in objects}
-        self._mine |= self._known.keys()
+        self._known |= {item.key: (item, True) for item in objects}
 
     def claim(self, number: int, crashes: int) -> None:
         """Own a session that another run has left; inside a transaction."""
@@ -77,13 +80,12 @@ class SessionRows:
         except sqlite3.IntegrityError:  # another window has deleted something that this one still has
             self._blobs.forget_numbers()
             there = {str(key) for (key,) in self._connection.execute("SELECT key FROM objects")}
-            self._known = {key: item for key, item in self._known.items() if key in there}
+            self._known = {key: row for key, row in self._known.items() if key in there}
             with transaction(self._connection):
                 steps = self._write(project, status)
         self._steps = steps
         self._written = project
-        self._known |= {item.key: item for item in project.objects}
-        self._mine = _mine(project)
+        self._known = {item.key: (item, _is_mine(item, project)) for item in project.objects}
 
     def _write(self, project: Project, status: str) -> "_Steps":
         now = self._clock()
@@ -98,13 +100,13 @@ class SessionRows:
             self.number = inserted.lastrowid
         self._write_objects(project)
         steps = self._write_steps(project)
-        self._write_requests(project)
-        models = json.dumps(project.models)
+        requests = tuple(request._replace(history=_thinned(request.history)) for request in project.pending)
+        pending = put(self._blobs, Pending(requests)) if requests else None
         path = str(project.path) if project.path else None
         numbers = [*steps.rows]
         ends = numbers[project.history.current], numbers[project.history.tip]
-        assignments = "status = ?, changed = ?, current = ?, tip = ?, models = ?, project = ?"
-        row = status, now, *ends, models, path, self.number
+        assignments = "status = ?, changed = ?, current = ?, tip = ?, pending = ?, project = ?"
+        row = status, now, *ends, pending, path, self.number
         self._connection.execute(f"UPDATE sessions SET {assignments} WHERE id = ?", row)
         return steps
 
@@ -117,12 +119,11 @@ class SessionRows:
         execute = self._connection.execute
         for entry in project.model_files.items() - self._written.model_files.items():
             execute("INSERT OR REPLACE INTO models VALUES (?, ?)", entry)
-        mine = _mine(project)
         for item in project.objects:
-            if self._known.get(item.key) is not item:
-                self._write_object(item, item.key in mine)
-        for key in mine ^ self._mine:
-            execute("UPDATE objects SET mine = ? WHERE key = ?", (key in mine, int(key)))
+            known, was_mine = self._known.get(item.key, (None, None))
+            is_mine = _is_mine(item, project)
+            if known is not item or was_mine is not is_mine:
+                self._write_object(item, is_mine)
         for key, fit in project.fits.items():
             if self._written.fits.get(key) is not fit and fit.sources:
                 execute("UPDATE objects SET fit = ? WHERE key = ?", (put(self._blobs, _thinned(fit)), int(key)))
@@ -143,7 +144,7 @@ class SessionRows:
             "INSERT INTO objects (key, name, version_of, fitted, confidence, codes, unedited, mine)"
             " VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET name = excluded.name,"
             " version_of = excluded.version_of, fitted = excluded.fitted, confidence = excluded.confidence,"
-            " codes = excluded.codes, unedited = excluded.unedited",
+            " codes = excluded.codes, unedited = excluded.unedited, mine = excluded.mine",
             values,
         )
 
@@ -167,19 +168,10 @@ class SessionRows:
         execute("INSERT OR REPLACE INTO steps VALUES (?, ?, ?, ?)", new)
         return _Steps(rows, written)
 
-    def _write_requests(self, project: Project) -> None:
-        if project.pending or self._written.pending:
-            self._connection.execute("DELETE FROM requests WHERE session = ?", (self.number,))
-        for number, request in enumerate(project.pending):
-            bare = request._replace(history=_thinned(request.history))
-            values = self.number, number, put(self._blobs, bare)
-            self._connection.execute("INSERT INTO requests VALUES (?, ?, ?)", values)
 
-
-def _mine(project: Project) -> set[str]:
-    """Return the keys of the fitted objects that were not removed."""
-    removed = project.history.now.removed
-    return {item.key for item in project.objects if item.fitted and item.name not in removed}
+def _is_mine(item: EditableObject, project: Project) -> bool:
+    """Return whether an object is one of *Mine*: fitted, and not removed."""
+    return item.fitted and item.name not in project.history.now.removed
 
 
 def _thinned(fit: FitHistory) -> FitHistory:
@@ -239,8 +231,8 @@ class SessionReader:
 
     def session(self, number: int, now: State | None, with_fits: bool = False) -> Project:
         """Return a session as a project; with the state ``now`` alone if none can be read."""
-        rows = self._rows("SELECT current, tip, models, project FROM sessions WHERE id = ?", number)
-        current, tip, models, path = rows[0] if rows else (None,) * 4
+        rows = self._rows("SELECT current, tip, pending, project FROM sessions WHERE id = ?", number)
+        current, tip, pending, path = rows[0] if rows else (None,) * 4
         where = f"key IN (SELECT object FROM members WHERE session = ? LIMIT {_MAX_ROWS})"
         objects = self.objects(where, number)
         names = {f"#{item.key}": item.name for item in objects}
@@ -249,15 +241,11 @@ class SessionReader:
             for item, content in objects.items()
             if with_fits and content is not None and (fit := self._try(partial(self.fit, content)))
         }
-        query = f"SELECT request FROM requests WHERE session = ? ORDER BY number LIMIT {_MAX_ROWS}"
-        requests = self._rows(query, number)
-        pending = (self._try(partial(self._request, content)) for (content,) in requests)
         return Project(
             self._history(number, current, tip, names, now),
             tuple(objects),
             fits,
-            tuple(filter(None, pending)),
-            self._try(lambda: typed(tuple[str, ...], parse_json(models or "[]"))) or (),
+            (self._try(partial(self._pending, pending)) or ()) if pending is not None else (),
             self.model_files(),
             self._try(lambda: typed(Path | None, path, name="project")),
             lost=tuple(dict.fromkeys(self.lost)),
@@ -272,10 +260,11 @@ class SessionReader:
         """Return how an object was fitted. Raises ``ValueError`` for other content."""
         return _checked(self._decoder.value(FitHistory, content))
 
-    def _request(self, content: Any) -> FitRequest:
-        request = self._decoder.value(FitRequest, content)
-        _checked(request.history)
-        return request
+    def _pending(self, content: Any) -> tuple[FitRequest, ...]:
+        requests = self._decoder.value(Pending, content).requests
+        for request in requests:
+            _checked(request.history)
+        return requests
 
     def _history(self, number: int, current: Any, tip: Any, names: dict[str, str], now: State | None) -> History:
         """Return a history without unreadable states; readable ones are consecutive if they are no tree."""

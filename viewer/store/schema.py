@@ -7,7 +7,7 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 APPLICATION = 0x436F4E65  # in the header of our files
-TABLES = "blobs", "parts", "models", "objects", "sessions", "members", "steps", "requests", "pictures"
+TABLES = "blobs", "parts", "models", "objects", "sessions", "members", "steps", "pictures"
 """Names of all tables; a row refers to rows of earlier tables only."""
 _MIGRATIONS = (
     """
@@ -20,13 +20,11 @@ CREATE TABLE objects (key INTEGER PRIMARY KEY, name TEXT NOT NULL, version_of IN
     fit INTEGER REFERENCES blobs, mine INTEGER NOT NULL);
 CREATE TABLE sessions (id INTEGER PRIMARY KEY AUTOINCREMENT, status TEXT NOT NULL, display TEXT NOT NULL,
     owner TEXT NOT NULL, seen REAL NOT NULL, changed REAL NOT NULL, crashes INTEGER NOT NULL DEFAULT 0,
-    current INTEGER, tip INTEGER, models TEXT, project TEXT);
+    current INTEGER, tip INTEGER, pending INTEGER REFERENCES blobs, project TEXT);
 CREATE TABLE members (session INTEGER NOT NULL REFERENCES sessions ON DELETE CASCADE,
     object INTEGER NOT NULL REFERENCES objects, PRIMARY KEY (session, object));
 CREATE TABLE steps (session INTEGER NOT NULL REFERENCES sessions ON DELETE CASCADE, number INTEGER NOT NULL,
     parent INTEGER NOT NULL, state INTEGER NOT NULL REFERENCES blobs, PRIMARY KEY (session, number));
-CREATE TABLE requests (session INTEGER NOT NULL REFERENCES sessions ON DELETE CASCADE, number INTEGER NOT NULL,
-    request INTEGER NOT NULL REFERENCES blobs, PRIMARY KEY (session, number));
 CREATE TABLE pictures (name TEXT PRIMARY KEY, width INTEGER NOT NULL, height INTEGER NOT NULL, pixels BLOB NOT NULL);
 CREATE INDEX parts_part ON parts (part);
 CREATE INDEX steps_state ON steps (state)
@@ -53,6 +51,21 @@ def connect(path: Path | None) -> sqlite3.Connection:
         connection.close()
         raise
     return connection
+
+
+def connect_sound(path: Path) -> sqlite3.Connection | None:
+    """Open a database as :func:`connect`; None if it is damaged, which is examined if a window has crashed."""
+    try:
+        connection = connect(path)
+        left = connection.execute("SELECT 1 FROM sessions WHERE status = 'open'").fetchone()
+        if left is None or is_sound(connection):
+            return connection
+        connection.close()
+    except sqlite3.OperationalError:  # the folder takes no file
+        raise
+    except sqlite3.DatabaseError:
+        pass
+    return None
 
 
 def migrate(connection: sqlite3.Connection) -> None:
@@ -132,8 +145,8 @@ def copy_readable(old: sqlite3.Connection, new: sqlite3.Connection) -> None:
             for row in _readable_rows(old, table):
                 with suppress(sqlite3.Error):
                     new.execute(f"INSERT OR IGNORE INTO {table} VALUES ({','.join('?' * len(row))})", row)
-        for column in ("unedited", "fit"):
-            new.execute(f"UPDATE objects SET {column} = NULL WHERE {column} NOT IN (SELECT id FROM blobs)")
+        for table, column in (("objects", "unedited"), ("objects", "fit"), ("sessions", "pending")):
+            new.execute(f"UPDATE {table} SET {column} = NULL WHERE {column} NOT IN (SELECT id FROM blobs)")
         while orphans := new.execute("PRAGMA foreign_key_check").fetchall():
             for table, row_id, *_ in orphans:
                 new.execute(f"DELETE FROM {table} WHERE rowid = ?", (row_id,))

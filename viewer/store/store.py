@@ -2,7 +2,7 @@
 
 import sqlite3
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from datetime import datetime
@@ -15,7 +15,7 @@ from viewer.store.files import save_project
 from viewer.store.photo_copies import PhotoCopies
 from viewer.store.pictures import Pixels, read_pictures, write_pictures
 from viewer.store.rows import SessionReader, SessionRows
-from viewer.store.schema import connect, is_sound, recovered, transaction
+from viewer.store.schema import connect, connect_sound, recovered, transaction
 from viewer.values.fit_history import FitHistory
 from viewer.values.history import State
 from viewer.values.objects import EditableObject
@@ -27,21 +27,6 @@ FILE = f"work{SUFFIX}"
 SILENCE = 30.0  # s without a sign of life after which a window on another display has crashed
 EARLIER = 10  # replaced sessions that are kept
 SWEPT = 500  # transactions after which contents that nothing needs are deleted
-
-
-def _connect_sound(path: Path) -> sqlite3.Connection | None:
-    """Open a database; None if it is damaged, which is examined if a window has crashed."""
-    try:
-        connection = connect(path)
-        left = connection.execute("SELECT 1 FROM sessions WHERE status = 'open'").fetchone()
-        if left is None or is_sound(connection):
-            return connection
-        connection.close()
-    except sqlite3.OperationalError:  # the folder takes no file
-        raise
-    except sqlite3.DatabaseError:
-        pass
-    return None
 
 
 class Earlier(NamedTuple):
@@ -57,7 +42,7 @@ class Earlier(NamedTuple):
 
 
 class Store:
-    """Kept work of a user. Functions that take long return futures; the others wait for them."""
+    """Kept work of a user. Writes are queued; reads wait for them, except that of a fit."""
 
     def __init__(self, folder: Path | None = None, display: str = "", clock: Callable[[], float] = time.time) -> None:
         """Open the database in a folder; None keeps everything in memory.
@@ -66,23 +51,43 @@ class Store:
             display: name of this window's display, which has one window: its other sessions have ended.
             clock: s since 1970.
         """
-        self.notes: list[str] = []  # what a person should know about the database
+        self.notes: list[str] = []  # remarks on the database for a person
+        self.errors: list[Exception] = []  # of writes that failed
         self.copies = PhotoCopies()
         self.earlier: tuple[Earlier, ...] = ()  # the newest first
         self._display = display
         self._clock = clock
+        self._queued = 0  # writes that are not finished
         self._writes = 0  # since contents were swept
-        self._synced = True
-        self._late: list[Callable[[], None]] = []  # write replaced sessions that are not written yet
+        self._replaced: list[tuple[SessionRows, Project]] = []  # sessions that are not written as earlier ones yet
         self._thread = ThreadPoolExecutor(1, "store")
-        self._connection = self.run(lambda: self._open(folder))
+        self._connection = self._run(lambda: self._open(folder))
         self._blobs = Blobs(self._connection)
-        self._rows = self._new_rows()
-        self.earlier = self.run(self._list_earlier)
+        self._rows = SessionRows(self._connection, self._blobs, display, clock)
+        self._run(self._list_earlier)
 
-    def run(self, action: Callable[[], T]) -> T:
-        """Do something on the thread after all that was submitted, and wait for it."""
+    @property
+    def is_writing(self) -> bool:
+        """True until all queued writes are finished."""
+        return self._queued > 0
+
+    def _run(self, action: Callable[[], T]) -> T:
+        """Do something on the thread after all that is queued, and wait for it."""
         return self._thread.submit(action).result()
+
+    def _queue(self, write: Callable[[], None]) -> None:
+        """Write on the thread; an error is noted."""
+
+        def run() -> None:
+            try:
+                write()
+            except Exception as error:
+                self.errors.append(error)
+            finally:
+                self._queued -= 1
+
+        self._queued += 1
+        self._thread.submit(run)
 
     def _open(self, folder: Path | None) -> sqlite3.Connection:
         if folder is None:
@@ -90,7 +95,7 @@ class Store:
         path = folder / FILE
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            if connection := _connect_sound(path):
+            if connection := connect_sound(path):
                 return connection
             aside = recovered(path).name
             self.notes.append(f"{FILE} was damaged: what could be read of it is here, and the file is kept as {aside}")
@@ -99,9 +104,6 @@ class Store:
             self.notes.append(f"Nothing is kept for the next launch, as {folder} takes no file ({error})")
             return connect(None)
 
-    def _new_rows(self) -> SessionRows:
-        return SessionRows(self._connection, self._blobs, self._display, self._clock)
-
     def _reader(self) -> SessionReader:
         return SessionReader(self._connection, Decoder(self._blobs, self.copies.write))
 
@@ -109,16 +111,11 @@ class Store:
 
     def mine(self) -> tuple[tuple[EditableObject, ...], dict[str, str]]:
         """Return the fitted objects of all sessions, and the files of models by fingerprint."""
-
-        def read() -> tuple[tuple[EditableObject, ...], dict[str, str]]:
-            reader = self._reader()
-            return tuple(reader.objects("mine")), reader.model_files()
-
-        return self.run(read)
+        return self._run(lambda: (tuple(self._reader().objects("mine")), self._reader().model_files()))
 
     def know(self, objects: tuple[EditableObject, ...]) -> None:
         """Take note of objects of *Mine* as they stand in the library."""
-        self.run(lambda: self._rows.know(objects))
+        self._run(lambda: self._rows.know(objects))
 
     def fit(self, key: str) -> Future[FitHistory]:
         """Return how an object was fitted; an empty history if that is not known."""
@@ -134,9 +131,9 @@ class Store:
 
     def pictures(self) -> dict[str, Pixels]:
         """Return the last images by name."""
-        return self.run(lambda: read_pictures(self._connection))
+        return self._run(lambda: read_pictures(self._connection))
 
-    def keep_pictures(self, make: Callable[[], Mapping[str, Pixels]]) -> Future[None]:
+    def keep_pictures(self, make: Callable[[], Mapping[str, Pixels]]) -> None:
         """Store images for the next launch; ``make`` is called on the thread."""
 
         def write() -> None:
@@ -144,7 +141,7 @@ class Store:
             with transaction(self._connection):
                 write_pictures(self._connection, pictures)
 
-        return self._thread.submit(write)
+        self._queue(write)
 
     # Sessions
 
@@ -153,7 +150,7 @@ class Store:
 
         The others become earlier ones, and so does a session that ended the program twice, which is noted.
         """
-        return self.run(self._claim)
+        return self._run(self._claim)
 
     def _claim(self) -> int | None:
         condition = "status = 'closed' OR status = 'open' AND (display = ? OR seen < ?)"
@@ -167,58 +164,59 @@ class Store:
             crashes = crashes + 1 if status == "open" else 0
             if number is not None and crashes < 2:
                 self._rows.claim(number, crashes)
-        self.earlier = self._list_earlier()
+        self._list_earlier()
         if crashes >= 2:
             self.notes.append("The program ended twice in the last session, so it was not opened: see File, Recent")
             return None
         return number
 
-    def _list_earlier(self) -> tuple[Earlier, ...]:
+    def _list_earlier(self) -> None:
+        """List the earlier sessions, and delete the oldest ones beyond the limit."""
         query = "SELECT id, changed FROM sessions WHERE status = 'earlier' ORDER BY changed DESC, id DESC"
-        return tuple(Earlier(*row) for row in self._connection.execute(query))
+        sessions = [Earlier(*row) for row in self._connection.execute(query)]
+        self._delete(session.number for session in sessions[EARLIER:])
+        self.earlier = tuple(sessions[:EARLIER])
 
     def session(self, number: int, now: State) -> Project:
         """Return a session as a project; with the state ``now`` alone if none can be read."""
-        return self.run(lambda: self._reader().session(number, now))
+        return self._run(lambda: self._reader().session(number, now))
 
-    def write(self, project: Project) -> Future[None]:
-        """Write what has changed in this window's session. The future raises ``sqlite3.Error`` on failure."""
+    def write(self, project: Project) -> None:
+        """Write the changes of this window's session."""
 
         def write() -> None:
-            self._rows.write(project)
             self._writes += 1
-            self._synced = False
+            self._rows.write(project)
 
-        return self._thread.submit(write)
+        self._queue(write)
 
-    def archive(self, project: Project) -> Future[None]:
+    def archive(self, project: Project) -> None:
         """Make this window's session an earlier one, unless it is empty, and begin another one."""
 
         def write() -> None:
-            rows = self._rows
-            self._rows = self._new_rows()
-            self._late.append(lambda: self._delete(rows) if project.is_empty else rows.write(project, "earlier"))
-            self._archive_late()
+            self._replaced.append((self._rows, project))
+            self._rows = SessionRows(self._connection, self._blobs, self._display, self._clock)
+            self._write_replaced()
 
-        return self._thread.submit(write)
+        self._queue(write)
 
-    def _archive_late(self) -> None:
-        """Write replaced sessions, also those that could not be written when they were replaced."""
-        while self._late:
-            self._late[0]()
-            del self._late[0]
-        self._forget_oldest()
+    def _write_replaced(self) -> None:
+        """Write replaced sessions, also those that the disk had no room for when they were replaced."""
+        while self._replaced:
+            self._end(*self._replaced[0], "earlier")
+            del self._replaced[0]
+            self._list_earlier()
 
-    def _delete(self, rows: SessionRows) -> None:
+    def _end(self, rows: SessionRows, project: Project, status: str) -> None:
+        """Write a session for the last time; delete it if it is empty."""
+        if project.is_empty:
+            self._delete([rows.number] if rows.number is not None else ())
+        else:
+            rows.write(project, status)
+
+    def _delete(self, numbers: Iterable[int]) -> None:
         with transaction(self._connection):
-            self._connection.execute("DELETE FROM sessions WHERE id = ?", (rows.number,))
-
-    def _forget_oldest(self) -> None:
-        self.earlier = self._list_earlier()
-        with transaction(self._connection):
-            numbers = [(session.number,) for session in self.earlier[EARLIER:]]
-            self._connection.executemany("DELETE FROM sessions WHERE id = ?", numbers)
-        self.earlier = self.earlier[:EARLIER]
+            self._connection.executemany("DELETE FROM sessions WHERE id = ?", ((number,) for number in numbers))
 
     def save(self, project: Project, path: Path) -> None:
         """Save a project as a file for any machine. Raises ``ValueError`` or ``sqlite3.Error`` on failure."""
@@ -228,22 +226,19 @@ class Store:
             assert self._rows.number is not None
             save_project(self._connection, self._rows.number, path)
 
-        self.run(save)
+        self._run(save)
 
-    def beat(self) -> Future[None]:
+    def beat(self) -> None:
         """Tell other windows that this one is alive, and make sure that its work survives a loss of power."""
 
         def beat() -> None:
+            self._write_replaced()
             self._rows.beat()
-            if self._late:
-                self._archive_late()
             if self._writes > SWEPT:
                 self._sweep()
-            if not self._synced:
-                self._connection.execute("PRAGMA wal_checkpoint(PASSIVE)")
-                self._synced = True
+            self._connection.execute("PRAGMA wal_checkpoint(PASSIVE)")
 
-        return self._thread.submit(beat)
+        self._queue(beat)
 
     def _sweep(self) -> None:
         with transaction(self._connection):
@@ -251,18 +246,15 @@ class Store:
         self._writes = 0
 
     def close(self, project: Project) -> None:
-        """Write the session for the next launch and end the thread. Raises ``sqlite3.Error`` on failure."""
+        """Write the session for the next launch and end the thread."""
 
         def close() -> None:
-            self._archive_late()
-            if project.is_empty:
-                self._delete(self._rows)
-            else:
-                self._rows.write(project, "closed")
-            self._sweep()
+            try:
+                self._write_replaced()
+                self._end(self._rows, project, "closed")
+                self._sweep()
+            finally:
+                self._connection.close()
 
-        try:
-            self.run(close)
-        finally:
-            self._thread.submit(self._connection.close)
-            self._thread.shutdown()
+        self._queue(close)
+        self._thread.shutdown()

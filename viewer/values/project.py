@@ -1,7 +1,6 @@
 """All that a session makes, as a value: to be kept, or saved as a project."""
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,8 +22,7 @@ class Project:
     objects: tuple[EditableObject, ...] = ()  # added objects, also removed ones, the oldest first
     fits: Mapping[str, FitHistory] = field(default_factory=dict)  # how objects were fitted, by their keys
     pending: tuple[FitRequest, ...] = ()  # the running fit and the waiting ones
-    models: tuple[str, ...] = ()  # names and paths of the open models
-    model_files: Mapping[str, str] = field(default_factory=dict)  # the same, and of missing models, by fingerprint
+    model_files: Mapping[str, str] = field(default_factory=dict)  # names and paths of models, by fingerprint
     path: Path | None = None  # file that a person saved it to
     others: frozenset[str] = frozenset()  # keys of objects made before: the project's if its history has them
     lost: tuple[str, ...] = ()  # reasons why parts of a file could not be read
@@ -43,18 +41,14 @@ class Project:
         return not (len(self.history.steps) > 1 or self.pending or self.members)
 
     def adopted(self, models: OpenModels, folder: Path | None = None) -> "Project":
-        """Open the project's models, and return it with objects of those that are there.
+        """Return the project with objects of the models that are there; those that it needs are opened.
 
         Args:
             folder: folder of the project's file, in which models are found by name.
         """
         for fingerprint, name in self.model_files.items():
-            models.expect(fingerprint, name)
-        for name in self.models:
-            for path in (name, *([str(folder / Path(name).name)] if folder else ())):
-                with suppress(ValueError):
-                    models.open(path)
-                    break
+            beside = folder and folder / Path(name).name
+            models.expect(fingerprint, str(beside) if beside and beside.is_file() else name)
         return self._converted(models.adopt)
 
     def _converted(self, change: Callable[[Instance], Instance]) -> "Project":
