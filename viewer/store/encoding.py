@@ -69,7 +69,7 @@ class Encoder:
             return self._part(put(self._blobs, value))
         if isinstance(value, Tensor):
             array = value.detach().cpu().contiguous().numpy()
-            return {"dtype": array.dtype.name, "shape": array.shape, "content": self._content(array.tobytes())}
+            return {"dtype": array.dtype.str, "shape": array.shape, "content": self._content(array.tobytes())}
         if isinstance(value, bytes):
             return self._content(value)
         if isinstance(value, Path):

@@ -12,7 +12,7 @@ from viewer.store.blobs import USED_BY_SESSION, Blobs
 from viewer.store.encoding import Decoder
 from viewer.store.photo_copies import PhotoCopies
 from viewer.store.rows import SessionReader
-from viewer.store.schema import APPLICATION, TABLES, VERSION, connect, copy_readable, is_sound, schema_version
+from viewer.store.schema import APPLICATION, VERSION, connect, copy_readable, is_sound, schema_version
 from viewer.values.history import State
 from viewer.values.project import Project
 
@@ -109,13 +109,16 @@ def _untrusted(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def _require_tables(connection: sqlite3.Connection) -> None:
-    """Raise ``ValueError`` unless our tables are there, as plain tables of a known version."""
+    """Raise ``ValueError`` unless the tables are those of this version, without views, triggers or formulas."""
     if connection.execute("PRAGMA application_id").fetchone() != (APPLICATION,):
         raise ValueError("another program has written it")
     if schema_version(connection) != VERSION:
         raise ValueError("another version of this program has written it")
-    plain = connection.execute("SELECT name FROM sqlite_master WHERE type = 'table' AND rootpage > 0")
-    if not set(TABLES) <= {name for (name,) in plain}:
+    with closing(connect(None)) as empty:
+        definitions, ours = (
+            set(tables.execute("SELECT type, name, sql FROM sqlite_master")) for tables in (connection, empty)
+        )
+    if definitions != ours:
         raise ValueError("it has other tables than a project")
 
 

@@ -20,7 +20,6 @@ from viewer.values.project import Project
 
 _MAX_STEPS = 32  # steps of a finished fit that are kept, for its curve
 _MAX_ROWS = 10_000  # of a kind that are read of a session
-_CAMERAS = "the cameras have another size than the photos"
 
 
 class Pending(NamedTuple):
@@ -225,9 +224,9 @@ class SessionReader:
         instance = self._decoder.value(Instance, columns.codes)
         unedited = None if columns.unedited is None else self._decoder.value(Instance, columns.unedited)
         root = "" if columns.version_of is None else str(columns.version_of)
-        fitted = bool(columns.fitted)
         name = unique_name(columns.name, taken)
-        return EditableObject(name, instance, fitted, columns.confidence, unedited, root, str(columns.key)), columns.fit
+        values = bool(columns.fitted), columns.confidence, unedited, root, str(columns.key)
+        return EditableObject(name, instance, *values), columns.fit
 
     def session(self, number: int, now: State | None, with_fits: bool = False) -> Project:
         """Return a session as a project; with the state ``now`` alone if none can be read."""
@@ -270,8 +269,6 @@ class SessionReader:
         """Return a history without unreadable states; readable ones are consecutive if they are no tree."""
         query = f"SELECT number, parent, state FROM steps WHERE session = ? ORDER BY number LIMIT {_MAX_ROWS}"
         rows = self._rows(query, number)
-        if len(rows) != (count := rows[-1][0] + 1 if rows and isinstance(rows[-1][0], int) else 0):
-            self.lost.append(f"{count - len(rows)} states are missing")
         states = [self._try(partial(self._decoder.value, State, content)) for *_, content in rows]
         unreadable = {place for place, state in enumerate(states) if state is None}
         if len(unreadable) == len(states):
@@ -311,5 +308,5 @@ def _checked(fit: FitHistory) -> FitHistory:
     for step in fit.steps:
         for result in (step, *step.hypotheses, step.runner_up):
             if result and not {(camera.width, camera.height) for camera in result.cameras} <= sizes:
-                raise ValueError(_CAMERAS)
+                raise ValueError("the cameras have another size than the photos")
     return fit

@@ -82,7 +82,7 @@ class Store:
             try:
                 write()
             except Exception as error:
-                self.errors.append(error)
+                self.errors.append(OSError(str(error)) if isinstance(error, sqlite3.Error) else error)
             finally:
                 self._queued -= 1
 
@@ -232,8 +232,8 @@ class Store:
         """Tell other windows that this one is alive, and make sure that its work survives a loss of power."""
 
         def beat() -> None:
-            self._write_replaced()
             self._rows.beat()
+            self._write_replaced()
             if self._writes > SWEPT:
                 self._sweep()
             self._connection.execute("PRAGMA wal_checkpoint(PASSIVE)")

@@ -227,7 +227,7 @@ BOMBS: dict[str, tuple[Callable[[Path], object], str]] = {
             "CREATE TABLE members (session, object AS (length(hex(zeroblob(session * 30000000)))))",
             "INSERT INTO members VALUES (1)",
         ),
-        "not authorized",
+        "it has other tables than a project",
     ),
     "application": (lambda path: change(path, "PRAGMA application_id = 7"), "another program has written it"),
     "newer": (lambda path: change(path, "PRAGMA user_version = 99"), "another version of this program"),
