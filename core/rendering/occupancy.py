@@ -10,6 +10,7 @@ import math
 from functools import lru_cache
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
@@ -37,6 +38,8 @@ _COARSE_FACTOR = 2  # cells along each axis of a coarse cell, the unit of depth 
 _SIMILAR_DISTANCE = 0.25
 """Standard deviations of the trained shapes: a shape this close to the last one reuses its occupied cells."""
 _BLOCK = 4096  # corners that a thread evaluates at a time
+_JOINED = 0.05  # optical depth of a cell, from which it joins its neighbours to a piece
+_PIECE = 0.01  # share of the object's cells, below which a piece that lies apart is not drawn
 _SAME_LAYER = 1e-3  # cells: rounding of an edit, by which a layer of cells touches another one
 
 
@@ -113,9 +116,9 @@ class Occupancy:
         """
         grid = _corners(model, folded.dtype)
         if previous is None:
-            return cls(model, _complete_densities(folded, grid, _limit(model)))
+            return cls(model, without_pieces(_complete_densities(folded, grid, _limit(model)), model))
         rows = (previous._around() | grid.sparse).index_select(0, grid.corner).nonzero()[:, 0]
-        return cls(model, _densities_at(folded, grid, rows), complete=False)
+        return cls(model, without_pieces(_densities_at(folded, grid, rows), model), complete=False)
 
     @property
     def size(self) -> int:
@@ -328,6 +331,24 @@ def _complete_densities(folded: FoldedField, grid: _Corners, limit: float) -> Fl
     if bool((always[grid.likely :] > limit).any()):
         densities[grid.corner[grid.always :]] = evaluate(slice(grid.always, None))
     return densities.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
+
+
+def without_pieces(
+    densities: Float[Tensor, "corners corners corners"], model: Model
+) -> Float[Tensor, "corners corners corners"]:
+    """Return densities without the small pieces that lie apart: crumbs, which the network leaves around an object."""
+    from scipy.ndimage import label
+
+    joined = max_of_corners(densities) * float((2 * model.extent_tensor / CELLS).amin()) > _JOINED
+    labels, count = label(joined.cpu().numpy(), np.ones((3, 3, 3)))
+    if count < 2:
+        return densities
+    sizes = np.bincount(labels.ravel())
+    is_small = torch.from_numpy(sizes < _PIECE * sizes[1:].sum())
+    is_small[0] = False
+    pieces = is_small[torch.from_numpy(labels)].to(densities.device)
+    dropped = corners_of(with_neighbours(pieces)) & ~corners_of(joined & ~pieces)
+    return densities.masked_fill(dropped, 0.0)
 
 
 def _moved_densities(folded: FoldedField, unmoved: Occupancy, edit: Edit) -> Float[Tensor, "corners corners corners"]:
