@@ -1,17 +1,20 @@
 from collections.abc import Generator
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
 from core.editing.paint import CoarsePaint, Paint
+from core.editing.parts import Handle, PartMap
 from core.edits.paint import PartPaint
 from core.models.model import Instance
 from tests.viewer.driver import finish
 from tests.viewer.stand_ins import quick_colour, quick_paint
 from tests.viewer.test_editor import fitted
 from viewer.activities.painting import Painting
+from viewer.activities.reshaping import Reshaping
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values.direction import Direction
@@ -162,3 +165,20 @@ def test_two_parts_painted_in_a_row_are_both_painted(
     painting.restore()
     finish(painted)
     assert painting.is_original and editor.scene.instance.codes.of_kind(PartPaint) == ()
+
+
+def test_the_largest_visible_part_is_painted_until_another_is_chosen(
+    painted: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    handles = tuple(Handle(part, (0.5, 0.5), (0.0, 0.0, 0.0)) for part in ("seat", "legs"))
+    visible = SimpleNamespace(map=PartMap(handles, np.array([[0, 1, 1], [-1, 0, 1]])))
+    monkeypatch.setattr(Painting, "parts", ("seat", "legs"))
+    monkeypatch.setattr(Reshaping, "parts", None)
+    painting = painted.painting
+    assert painting.part == "seat"
+    monkeypatch.setattr(Reshaping, "parts", visible)
+    assert painting.part == "legs"
+    visible.map = PartMap(handles, np.array([[0, 0, 0], [-1, 0, 1]]))
+    assert painting.part == "legs"  # a turn of the object changes no choice
+    painting.part = "seat"
+    assert painting.part == "seat"
