@@ -25,11 +25,6 @@ class OpenModels:
         return iter(tuple(self._models.values()))
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Shipped names and paths, in the order of opening."""
-        return tuple(self._names)
-
-    @property
     def files(self) -> dict[str, str]:
         """Shipped names and paths by fingerprint, also of models that are missing."""
         return self._expected | {fingerprint: name for name, fingerprint in self._names.items()}

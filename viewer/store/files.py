@@ -2,7 +2,7 @@
 
 import sqlite3
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from viewer.store.blobs import USED_BY_SESSION, Blobs
 from viewer.store.encoding import Decoder
 from viewer.store.photo_copies import PhotoCopies
 from viewer.store.rows import SessionReader
-from viewer.store.schema import APPLICATION, VERSION, connect, copy_readable, is_sound, schema_version
+from viewer.store.schema import APPLICATION, VERSION, connect, copy_readable, is_sound, schema_version, transaction
 from viewer.values.history import State
 from viewer.values.project import Project
 
@@ -41,24 +41,21 @@ def save_project(connection: sqlite3.Connection, session: int, path: Path) -> No
 
 def _copy(connection: sqlite3.Connection, session: int) -> None:
     members = "key IN (SELECT object FROM members WHERE session = :session)"
+    values = "blobs JOIN used USING (id) WHERE typeof(content) = 'text' AND json_valid(content)"
+    fingerprints = f"SELECT json_extract(content, '$.model') FROM {values}"
     columns = "id, 'closed', '', '', 0, 0, 0, current, tip, pending, NULL"
     rows = {
         "blobs": f"{USED_BY_SESSION} SELECT blobs.* FROM blobs JOIN used USING (id)",
         "parts": f"{USED_BY_SESSION} SELECT parts.* FROM parts JOIN used ON whole = used.id",
-        "models": "SELECT * FROM models",
+        "models": f"{USED_BY_SESSION} SELECT * FROM models WHERE fingerprint IN ({fingerprints})",
         "objects": f"SELECT * FROM objects WHERE {members}",
         "sessions": f"SELECT {columns} FROM sessions WHERE id = :session",
         "members": "SELECT * FROM members WHERE session = :session",
         "steps": "SELECT * FROM steps WHERE session = :session",
     }
-    connection.execute("BEGIN")
-    try:
+    with transaction(connection):
         for table, query in rows.items():
             connection.execute(f"INSERT INTO project.{table} {query}", {"session": session})
-        connection.execute("COMMIT")
-    except BaseException:
-        connection.execute("ROLLBACK")
-        raise
 
 
 def _check(path: Path) -> None:
@@ -97,7 +94,8 @@ def _untrusted(path: Path) -> Iterator[sqlite3.Connection]:
         connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 4 * MAX_TEXT)
         for pragma in ("trusted_schema = OFF", "cell_size_check = ON", "query_only = ON", "mmap_size = 0"):
             connection.execute(f"PRAGMA {pragma}")
-        connection.set_progress_handler(_alarm(time.monotonic() + _LONGEST), _STEPS)
+        until = time.monotonic() + _LONGEST
+        connection.set_progress_handler(lambda: time.monotonic() > until, _STEPS)
         connection.set_authorizer(_authorize)
         _require_tables(connection)
         if is_sound(connection):
@@ -120,10 +118,6 @@ def _require_tables(connection: sqlite3.Connection) -> None:
         )
     if definitions != ours:
         raise ValueError("it has other tables than a project")
-
-
-def _alarm(until: float) -> Callable[[], bool]:
-    return lambda: time.monotonic() > until
 
 
 def _authorize(action: int, *names: str | None) -> int:

@@ -76,7 +76,6 @@ class ObjectLibrary:
         self._added: dict[str, EditableObject] = {}
         self._keys: dict[str, str] = {}  # names of added objects by key
         self.removed: frozenset[str] = frozenset()  # names of unlisted added objects, which undo may list again
-        self.changes = 0  # number so far
         self._names: dict[str, dict[str, str]] = {}  # by model's fingerprint: names here by names in the model
         self.families: dict[str, dict[str, tuple[str, ...]]] = {}
         """By model's fingerprint: one object of each form with its variants, the most different forms first."""
@@ -96,7 +95,6 @@ class ObjectLibrary:
             names[head]: tuple(names[variant] for variant in variants) for head, variants in groups.items()
         }
         self._names[model.fingerprint] = names
-        self.changes += 1
 
     def __getitem__(self, name: str) -> EditableObject:
         return self._added[name] if name in self._added else self._trained[name]
@@ -185,18 +183,15 @@ class ObjectLibrary:
         key = unique_key(added.key, self._keys)
         self._added[name] = replace(added, name=name, key=key)
         self._keys[key] = name
-        self.changes += 1
         return name
 
     def refit(self, name: str, better: EditableObject) -> None:
         """Give an added object the codes of a better fit."""
         self._added[name] = self._added[name].refitted(better)
-        self.changes += 1
 
     def convert(self, change: Callable[[Instance], Instance]) -> None:
         """Change the codes of added objects, also those before their edits."""
         self._added = {name: added.converted(change) for name, added in self._added.items()}
-        self.changes += 1
 
     def leave(self, name: str, instance: Instance) -> None:
         """Keep the newest edit of an added object; nothing happens for any other object."""
@@ -205,9 +200,7 @@ class ObjectLibrary:
 
     def unlist(self, removed: frozenset[str]) -> None:
         """List all added objects but the removed ones; lookup by name finds these too."""
-        if removed != self.removed:
-            self.removed = removed
-            self.changes += 1
+        self.removed = removed
 
     def rename(self, name: str, to: str) -> str:
         """Rename an added object and return its new name, made unique."""
@@ -239,7 +232,6 @@ class ObjectLibrary:
         """Replace the added objects by the same ones in another order or with other names."""
         self._added = added
         self._keys = {item.key: name for name, item in added.items()}
-        self.changes += 1
 
 
 def unique_name(name: str, taken: Container[str]) -> str:

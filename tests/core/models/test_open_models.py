@@ -42,7 +42,7 @@ def test_a_model_is_loaded_once_under_any_of_its_names(model: Model) -> None:
 
     models = OpenModels(load)
     assert models.open("chairs") is models.open("chairs") is models.open("/home/chairs.safetensors")
-    assert loaded == ["chairs", "/home/chairs.safetensors"] == list(models.names)
+    assert loaded == ["chairs", "/home/chairs.safetensors"]
     assert len(list(models)) == 1
 
 
