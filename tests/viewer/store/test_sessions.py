@@ -199,14 +199,16 @@ def test_a_session_of_a_window_that_is_silent_goes_on_elsewhere_and_both_are_kep
     asleep = Store(tmp_path, "a", clock)
     project = Session(worker, backend, 1).project()
     history = project.history.changed(replace(project.history.now, removed=frozenset("a")))
-    asleep.write(replace(project, history=history)).result()
+    asleep.write(replace(project, history=history))
+    assert asleep.mine()[0] == ()  # and waits
     awake = Store(tmp_path, "b", clock)
     assert awake.resume() is None
     clock.now += SILENCE + 1
     number = awake.resume()
     assert number is not None
-    asleep.write(replace(project, history=history.changed(project.history.now))).result()
-    awake.write(replace(project, history=history)).result()
+    asleep.write(replace(project, history=history.changed(project.history.now)))
+    awake.write(replace(project, history=history))
+    assert asleep.mine() == awake.mine()
     assert len(awake.session(number, project.history.now).history.steps) == 2
     assert len(awake.session(number + 1, project.history.now).history.steps) == 3
 
