@@ -21,6 +21,7 @@ UNITS = {"cm": 1.0, "in": 2.54}  # cm of each unit
 ROOM = 0.8  # zoom that leaves room for the lines around an object that fills the frame
 _GAP, _TICK, _TEXT, _WIDTH = 0.03, 0.012, 0.034, 0.003
 """fractions of the frame's shorter side: from box to line, from there to a tick's end, letters, width of a line"""
+_PREFERENCE = np.array((1.0, 1.0, 0.9))  # of upright sides: two floor lines meet at the last one
 _SHORTEST = 0.08  # fraction of the frame's shorter side; a side that is seen shorter than this gets no line
 _FINE = 3  # pixels of the drawing along one of the image, for smooth lines
 _DARK = (60, 60, 64, 255)  # lines on light ground
@@ -47,7 +48,7 @@ def size_labels(box: Bounds, unit: str) -> tuple[str, str, str]:
 
 
 def dimension_lines(box: Bounds, camera: Camera, unit: str) -> list[DimensionLine]:
-    """Return the sides of a box to draw: at the floor those in front, and the upright one furthest to a side.
+    """Return the sides of a box to draw: two at the floor in front, and the upright one furthest to a side.
 
     Args:
         box: as the camera sees it, scene units.
@@ -61,12 +62,12 @@ def dimension_lines(box: Bounds, camera: Camera, unit: str) -> list[DimensionLin
     floor = low[2]
     width = (far[0], near[1], floor), (near[0], near[1], floor)
     depth = (near[0], near[1], floor), (near[0], far[1], floor)
-    corners = [(far[0], near[1]), (near[0], far[1])]
+    corners = [(far[0], near[1]), (near[0], far[1]), near[:2]]
     uprights = [((x, y, floor), (x, y, high[2])) for x, y in corners]
     points = np.array([width, depth, *uprights, (low, high)], np.float32)
     pixels = camera.project(torch.from_numpy(points)).numpy()
     middle = pixels[-1].mean(0)
-    reach = np.abs(pixels[2:4].mean(1)[:, 0] - middle[0])
+    reach = _PREFERENCE * np.abs(pixels[2:5].mean(1)[:, 0] - middle[0])
     sides = pixels[0], pixels[1], pixels[2 + int(reach.argmax())]
     labelled = zip(sides, size_labels(box, unit), strict=True)
     shortest = _SHORTEST * min(camera.width, camera.height)

@@ -51,7 +51,8 @@ SUFFIX = ".html"
 _POSTER, _ICON = 512, 64  # px
 _LINK_QUALITY = 80  # of the JPEG for previews of links
 _AROUND = 12  # cameras around the object, all of which see all of it
-_QUALITIES = (92, 85, 75, 60, 40)  # of the photos' WebP, tried from the best
+_QUALITIES = (92, 1), (85, 1), (75, 2), (60, 4), (40, 8)
+"""quality of the photos' WebP, and steps to which colours of texels are rounded; tried from the best"""
 _VECTOR, _DISTANCE = 127.0, 8192.0  # quantisation steps per unit: of normals, of distances in scene units
 _DIALECT = """#version 300 es
 precision highp float;
@@ -171,8 +172,8 @@ def page(looks: Sequence[Look], camera: Camera, name: str, more: Mapping[str, An
         "style": style,
         "script": drawing + controls,
     }
-    for quality in _QUALITIES:
-        scene = _shared({**_scene(looks, camera, quality), **(more or {})})
+    for quality, step in _QUALITIES:
+        scene = _shared({**_scene(looks, camera, quality, step), **(more or {})})
         content = json.dumps(scene, separators=(",", ":")).replace("<", "\\u003c")
         text = Template(_source("page.html")).substitute(head, poster=_image(picture, quality), scene=content)
         if len(text.encode()) <= MAX_BYTES:
@@ -204,19 +205,21 @@ def _poster(instance: Instance, camera: Camera, baked: BakedField) -> UInt8[np.n
     return over(render_frame(instance, camera), None) if drawn is None else drawn
 
 
-def _scene(looks: Sequence[Look], camera: Camera, quality: int) -> dict[str, Any]:
+def _scene(looks: Sequence[Look], camera: Camera, quality: int, step: int) -> dict[str, Any]:
     """Return everything the page's script needs, as JSON."""
     view = {name: getattr(camera, name) for name in ("azimuth", "elevation", "distance")}
     baked = looks[0].baked
     colours = _swatches([look.poster for look in looks])
+    texels = [_rounded(look.baked.texels, step) for look in looks]
+    changes = [texels[0], *(variant - texels[0] for variant in texels[1:])]  # modulo 256; 0 where no paint is
     return {
         "camera": {**view, "focal": camera.focal / camera.height},
         "first": "Photo" if baked.detail else "Start",  # name of the first view
         "proportions": baked.proportions or UNIT,
         "distance": _packed(baked.distance),
         "variants": [
-            {"name": look.name, "colour": colour, **_variant(look.baked, camera, quality)}
-            for look, colour in zip(looks, colours, strict=True)
+            {"name": look.name, "colour": colour, **_variant(look.baked, change, camera, quality)}
+            for look, colour, change in zip(looks, colours, changes, strict=True)
         ],
         "shadow": baked.shadow and _shadow(baked.shadow),
         "ground": _program(ground_shader.VERTEX, ground_shader.FRAGMENT),
@@ -224,10 +227,16 @@ def _scene(looks: Sequence[Look], camera: Camera, quality: int) -> dict[str, Any
     }
 
 
-def _variant(baked: BakedField, camera: Camera, quality: int) -> dict[str, Any]:
+def _rounded(texels: UInt8[np.ndarray, "x y z 4"], step: int) -> UInt8[np.ndarray, "x y z 4"]:
+    """Return texels with colours at multiples of a step; their density stays."""
+    colours = np.minimum((texels[..., :3].astype(int) + step // 2) // step * step, 255)
+    return np.concatenate((colours.astype(np.uint8), texels[..., 3:]), axis=-1)
+
+
+def _variant(baked: BakedField, texels: UInt8[np.ndarray, "x y z 4"], camera: Camera, quality: int) -> dict[str, Any]:
     return {
         "uniforms": baked_shader.field_uniforms(baked),
-        "channels": [_packed(channel) for channel in np.moveaxis(baked.texels, -1, 0)],  # which compress better alone
+        "channels": [_packed(channel) for channel in np.moveaxis(texels, -1, 0)],  # which compress better alone
         "detail": baked.detail and _detail(baked.detail, camera, quality),
         "program": _program(baked_shader.VERTEX, baked_shader.fragment_source(baked.detail)),
     }

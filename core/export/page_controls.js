@@ -11,10 +11,11 @@ function drawDimensions({ origin, right, up, backward }, across, down) {
   const far = low.map((value, axis) => value + high[axis] - near[axis]);
   const side = (...ends) => ends.map(([x, y, z]) => project([x, y, z]));
   const corner = [near[0], near[1], low[2]], ends = [[far[0], near[1], low[2]], [near[0], far[1], low[2]]];
-  const reach = (upright) => Math.abs(between(upright)[0] - middle[0]);
-  const uprights = ends.map(([x, y, z]) => side([x, y, z], [x, y, high[2]])).sort((a, b) => reach(b) - reach(a));
+  const uprights = [...ends, corner].map(([x, y, z]) => side([x, y, z], [x, y, high[2]]));
+  const reach = uprights.map((upright, index) => (index < 2 ? 1 : 0.9) * Math.abs(between(upright)[0] - middle[0]));
+  const upright = uprights[reach.indexOf(Math.max(...reach))];
   overlay.setAttribute("viewBox", [0, 0, across / unit, down / unit].join(" "));
-  overlay.innerHTML = [side(ends[0], corner), side(corner, ends[1]), uprights[0]].map(([a, b], index) => {
+  overlay.innerHTML = [side(ends[0], corner), side(corner, ends[1]), upright].map(([a, b], index) => {
     const line = [b[0] - a[0], b[1] - a[1]], length = Math.hypot(...line), [x, y] = between([a, b]);
     if (length < 8) return "";
     const turn = line[1] * (x - middle[0]) > line[0] * (y - middle[1]) ? 1 / length : -1 / length;

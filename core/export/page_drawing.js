@@ -40,12 +40,14 @@ async function decode({ channels, detail }) {
     fine: await levels(fine), surface: await planes(surface),
     mirrored: mirrored && await levels(mirrored),
   });
-  const [rgba, distance, photos, darkness] = await Promise.all([
-    Promise.all(channels.map(bytes)), bytes(scene.distance), Promise.all((detail ? detail.photos : []).map(photo)),
-    scene.shadow && bytes(scene.shadow.darkness),
+  const [distance, photos, darkness, ...rgba] = await Promise.all([
+    bytes(scene.distance), Promise.all((detail ? detail.photos : []).map(photo)),
+    scene.shadow && bytes(scene.shadow.darkness), ...scene.variants[0].channels.map(bytes),
+    ...(channels === scene.variants[0].channels ? [] : channels.map(bytes)), // what differs from the first variant
   ]);
   const texels = new Uint8Array(4 * rgba[0].length);
-  for (const [channel, plane] of rgba.entries()) for (let at = 0; at < plane.length; ++at) texels[4 * at + channel] = plane[at];
+  for (const [index, plane] of rgba.entries())
+    for (let at = 0; at < plane.length; ++at) texels[4 * at + index % 4] += plane[at]; // modulo 256
   return { texels, distance, photos, darkness };
 }
 
