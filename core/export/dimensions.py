@@ -56,17 +56,18 @@ def dimension_lines(box: Bounds, camera: Camera, unit: str) -> list[DimensionLin
     low = np.array(box.low)
     high = np.array(box.high)
     origin = camera.world_to_camera(torch.device("cpu"))[1].numpy()
-    is_near = origin > (low + high) / 2
+    centre = (low + high) / 2
+    is_near = origin > centre
     near = np.where(is_near, high, low)
     far = np.where(is_near, low, high)
     floor = low[2]
     width = (far[0], near[1], floor), (near[0], near[1], floor)
     depth = (near[0], near[1], floor), (near[0], far[1], floor)
-    corners = [(far[0], near[1]), (near[0], far[1]), near[:2]]
+    corners = [(far[0], near[1]), (near[0], far[1]), (near[0], near[1])]
     uprights = [((x, y, floor), (x, y, high[2])) for x, y in corners]
-    points = np.array([width, depth, *uprights, (low, high)], np.float32)
+    points = np.array([width, depth, *uprights, (centre, centre)], np.float32)
     pixels = camera.project(torch.from_numpy(points)).numpy()
-    middle = pixels[-1].mean(0)
+    middle = pixels[-1, 0]
     reach = _PREFERENCE * np.abs(pixels[2:5].mean(1)[:, 0] - middle[0])
     sides = pixels[0], pixels[1], pixels[2 + int(reach.argmax())]
     labelled = zip(sides, size_labels(box, unit), strict=True)

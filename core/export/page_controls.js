@@ -6,8 +6,8 @@ function drawDimensions({ origin, right, up, backward }, across, down) {
     const away = point.map((value, axis) => value - origin[axis]), scale = -100 * view.focal / dot(away, backward);
     return [across / unit / 2 + scale * dot(away, right), down / unit / 2 + scale * dot(away, up)];
   };
-  const between = ([a, b]) => a.map((value, axis) => (value + b[axis]) / 2), middle = between([low, high].map(project));
-  const near = low.map((value, axis) => (origin[axis] > between([low, high])[axis] ? high[axis] : value));
+  const between = ([a, b]) => a.map((value, axis) => (value + b[axis]) / 2), centre = between([low, high]);
+  const near = low.map((value, axis) => (origin[axis] > centre[axis] ? high[axis] : value)), middle = project(centre);
   const far = low.map((value, axis) => value + high[axis] - near[axis]);
   const side = (...ends) => ends.map(([x, y, z]) => project([x, y, z]));
   const corner = [near[0], near[1], low[2]], ends = [[far[0], near[1], low[2]], [near[0], far[1], low[2]]];
