@@ -19,6 +19,7 @@ from core.export.mesh import MeshSettings
 from core.export.video import VideoSettings
 from core.fitting import fit as fitting
 from core.fitting.confidence import DOUBTFUL
+from core.fitting.photo_views import resume_point
 from core.fitting.settings import FitSettings
 from core.fitting.steps import FitStep
 from core.geometry.camera import Camera
@@ -60,6 +61,7 @@ def fit(
     progress: Callable[[str], object] | None = None,
     settings: FitSettings | None = None,
     seed: int = 0,
+    resume: Instance | None = None,
 ) -> Instance:
     """Find the object of one or several photos, and their cameras: ``instance.detail.views[0].camera``.
 
@@ -71,8 +73,11 @@ def fit(
         progress: called with one readable line now and then.
         settings: cost and parts of the fit; None: about ten seconds on an ordinary processor.
         seed: of the random numbers; the same seed gives the same object.
+        resume: an object that was fitted to other photos, of which it keeps four. It finds the cameras of the new ones,
+            and all is refined without its edits, in a fraction of the time of a new search.
 
-    Raises ``ValueError`` for a file that is no image of an object, or a fit that diverged from every start.
+    Raises ``ValueError`` for a file that is no image of an object, a fit that diverged from every start, or an object
+    without photos.
 
     Example:
         >>> import core
@@ -83,7 +88,8 @@ def fit(
         (True, torch.Size([64]), 1)
     """
     say = progress or (lambda line: None)
-    photos: list[Photo] = []
+    kept_photos, hypothesis = resume_point(resume) if resume else ((), None)
+    photos = list(kept_photos)
     for source in [photo] if isinstance(photo, Photo | Path | str) else photo:
         if isinstance(source, Photo):
             photos.append(source)
@@ -91,7 +97,7 @@ def fit(
             say(f"Cutting out {source}")
             photos += load_clip(source, model) if is_clip(source) else [load_photo(source, model)]
     last: FitStep | None = None
-    for last in fitting.fit(model, fitting.FitJob(tuple(photos), settings or SETTINGS, seed)):
+    for last in fitting.fit(model, fitting.FitJob(tuple(photos), settings or SETTINGS, seed, hypothesis)):
         if last.step % _PROGRESS_STEPS == 0:
             say(f"Step {last.step} of {last.steps}, {last.psnr:.1f} dB")
     assert last is not None, "a fit has a step"

@@ -23,15 +23,16 @@ from core.fitting.category_check import describe_ambiguity, describe_category, d
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
 from core.fitting.paper import fit_as_set
+from core.fitting.photo_views import resume_point
 from core.fitting.problem import MOST_PHOTOS
 from core.geometry.camera import Camera
 from core.geometry.pose_files import PosedImage, find_pose, require_scale
-from core.models.library import load_model
+from core.models.library import load_model, model_with
 from core.models.model import Model
-from core.models.scene import Scene
+from core.models.scene import Scene, open_scene, scene_model
 from core.photos.clip import FRAMES, is_clip
 from core.photos.clip_object import cut_out_clip
-from core.photos.decode import NOTE, read_mask, read_rgba, upright_size
+from core.photos.decode import NOTE, image_files, read_mask, read_rgba, upright_size
 from core.photos.photo import DOUBTFUL_MASK, Photo, naming, prepare_photo
 from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints, cut_out
@@ -46,7 +47,7 @@ class Fitted(NamedTuple):
     model: Model
     names: Sequence[Path | str]  # of the photos
     photos: tuple[Photo, ...]
-    cuts: tuple[CutOut, ...]  # one per photo
+    cuts: tuple[CutOut, ...]  # one per photo, without those kept with a resumed object
     last: FitStep
     image: Image.Image  # the first photo, whole
 
@@ -81,14 +82,20 @@ def fit_images(chosen: argparse.Namespace, clock: "Stopwatch") -> Fitted:
     inputs = list(_read_inputs(chosen, clock))
     _compare_categories(chosen, inputs)
     cuts = tuple(source.cut for source in inputs)
-    model = load_model(chosen.model or likeliest_model(cuts[0].categories), chosen.device)
+    name = chosen.model or likeliest_model(cuts[0].categories)
+    model = load_model(model_with(chosen.resume and scene_model(chosen.resume), name), chosen.device)
+    kept, hypothesis = resume_point(open_scene(chosen.resume, model).instance) if chosen.resume else ((), None)
     with clock("view_bank"):
         wait_for_view_bank(model)
-    photos = tuple(map(_photo, inputs, repeat(model), repeat(chosen.pose_scale)))
+    photos = *kept, *map(_photo, inputs, repeat(model), repeat(chosen.pose_scale))
     _say_category(chosen, model, cuts[0].categories)
     with clock("search"):
-        last = _search(model, FitJob(photos, settings, chosen.seed), chosen.log)
-    return Fitted(model, [source.name for source in inputs], photos, cuts, last, inputs[0].image)
+        last = _search(model, FitJob(photos, settings, chosen.seed, hypothesis), chosen.log)
+    names = [
+        *(f"photo {number} of {chosen.resume}" for number in range(1, 1 + len(kept))),
+        *(source.name for source in inputs),
+    ]
+    return Fitted(model, names, photos, cuts, last, inputs[0].image)
 
 
 def _read_inputs(chosen: argparse.Namespace, clock: "Stopwatch") -> Iterator[_Input]:
@@ -144,9 +151,18 @@ def _write_files(chosen: argparse.Namespace, fitted: Fitted) -> None:
 
 
 def _split_sides(chosen: argparse.Namespace) -> None:
-    """Split names such as ``back:chair.jpg`` into sides and paths; a file of that name is a path."""
-    pairs = [_side_and_path(path) for path in chosen.images]
+    """Split names such as ``back:chair.jpg`` into sides and paths, unless files have them; open folders."""
+    pairs = [_side_and_path(photo) for path in chosen.images for photo in photos_at(path)]
     chosen.sides, chosen.images = (list(values) for values in zip(*pairs, strict=True))
+
+
+def photos_at(path: Path) -> list[Path]:
+    """Return the images of a folder, by name, which show one object; of a file, itself."""
+    if not path.is_dir():
+        return [path]
+    if images := image_files(path):
+        return images
+    raise ValueError(f"{path}: no images in this folder")
 
 
 def _side_and_path(path: Path) -> tuple[Side | None, Path]:
@@ -164,8 +180,8 @@ def check_counts(chosen: argparse.Namespace) -> None:
         values = getattr(chosen, name)
         if values and len(values) != count and not (name == "pose" and _is_transforms(values)):
             raise ValueError(f"{count} images need as many {plural}, got {len(values)}")
-        if values and (clip := next(filter(is_clip, chosen.images), None)):
-            raise ValueError(f"{clip}: --{name} is of photos, not of a video")
+        if values and (several := next((path for path in chosen.images if is_clip(path) or path.is_dir()), None)):
+            raise ValueError(f"{several}: --{name} is of photos, not of a video or a folder")
     if chosen.estimate_focal and chosen.pose:
         raise ValueError("--estimate-focal searches the focal length of unknown cameras, but --pose gives them")
 
@@ -176,6 +192,8 @@ def _check_files(chosen: argparse.Namespace) -> None:
         raise ValueError(f"one object has at most {MOST_PHOTOS} images: add --each for an object each")
     if chosen.cluster:
         raise ValueError("--cluster fits many photos, one object each: add --each")
+    if chosen.resume and chosen.explain:
+        raise ValueError("--explain describes a search, which --resume leaves out")
     if chosen.out and chosen.out.suffix.lower() != ".json":
         raise ValueError(f"{chosen.out.name}: a fitted scene must end in .json")
     _check_apart(chosen)

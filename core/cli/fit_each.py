@@ -1,4 +1,4 @@
-"""``fit --each``: many photos, one object each, several at once in processes of one thread each.
+"""``fit --each``: many photos or folders of photos, one object each, in processes of one thread each.
 
 The folder of results has a row of JSON for each photo (``rows.jsonl``), scenes, and a contact sheet. A row is appended
 when its scene is written, so that a command that is started again fits only the rest.
@@ -22,7 +22,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from tqdm import tqdm
 
 from core.cli.contact_sheet import photo_strip, write_contact_sheet
-from core.cli.fit import Stopwatch, check_counts, fit_images, fitted_scene, say_doubts, seconds_of, to_dict
+from core.cli.fit import Stopwatch, check_counts, fit_images, fitted_scene, photos_at, say_doubts, seconds_of, to_dict
 from core.cli.output import collected_lines, say
 from core.photos.clip import is_clip
 from core.runtime.files import atomic_file, require_writable
@@ -41,7 +41,7 @@ def fit_each(chosen: argparse.Namespace) -> None:
     """Run ``fit --each``: fit the photos that have no result in the folder yet, then write the contact sheet."""
     _check(chosen)
     fits = {_key(single): single for single in _single_fits(chosen)}  # a photo that is named twice is fitted once
-    photos = {str(single.images[0]) for single in fits.values()}
+    photos = {str(single.source) for single in fits.values()}
     earlier = _read_rows(chosen.out)
     kept = {key: row for key, row in earlier.items() if _is_done(chosen.out, row) or row["photo"] not in photos}
     _write_rows(chosen.out, kept.values())
@@ -59,8 +59,8 @@ def _check(chosen: argparse.Namespace) -> None:
     check_counts(chosen)
     if not chosen.out:
         raise ValueError("--each needs a folder for its results: --out FOLDER")
-    if chosen.log or chosen.explain:
-        raise ValueError("--log and --explain describe a single fit: leave them or --each out")
+    if chosen.log or chosen.explain or chosen.resume:
+        raise ValueError("--log, --explain and --resume are of a single fit: leave them or --each out")
     if chosen.cluster and not find_spec("distributed"):
         raise ValueError("--cluster needs Dask: pip install 'codenerf-viewer[cluster]'")
     if chosen.out.exists() and not chosen.out.is_dir():
@@ -71,8 +71,11 @@ def _check(chosen: argparse.Namespace) -> None:
 
 
 def _single_fits(chosen: argparse.Namespace) -> Iterator[argparse.Namespace]:
-    """Yield the options of each photo's fit, with absolute paths, as a cluster's workers run in other folders."""
-    for number in range(len(chosen.images)):
+    """Yield the options of each fit, with absolute paths, as a cluster's workers run in other folders.
+
+    ``source`` is the photo, or the folder of photos of one object.
+    """
+    for number, source in enumerate(chosen.images):
         options = {}
         for name in _PER_IMAGE:
             values = getattr(chosen, name)
@@ -80,6 +83,8 @@ def _single_fits(chosen: argparse.Namespace) -> Iterator[argparse.Namespace]:
                 values if len(values) < len(chosen.images) else [values[number]]
             )  # a transforms.json is for all images
             options[name] = [value.absolute() if isinstance(value, Path) else value for value in values]
+        options["source"] = source.absolute()
+        options["images"] = photos_at(source.absolute())
         model = str(Path(chosen.model).absolute()) if chosen.model and Path(chosen.model).is_file() else chosen.model
         yield argparse.Namespace(**{**vars(chosen), **options, "model": model, "out": chosen.out.absolute()})
 
@@ -89,13 +94,13 @@ def _key(single: argparse.Namespace) -> str:
 
     So a photo that moved is not fitted again, and one that changed, or is fitted with other options, is.
     """
-    digest = hashlib.sha256(single.images[0].name.encode(errors="surrogateescape"))
-    for name in (*_PER_IMAGE, *_FOR_ALL, *(("frames",) if is_clip(single.images[0]) else ())):
+    digest = hashlib.sha256(single.source.name.encode(errors="surrogateescape"))
+    for name in (*_PER_IMAGE, *_FOR_ALL, *(("frames",) if is_clip(single.source) else ())):
         value = getattr(single, name)
         for item in value if isinstance(value, list) else [value]:
             is_file = isinstance(item, Path) or (name == "model" and item and Path(item).is_absolute())
             digest.update(b"|" + name.encode() + (_content(Path(item)) if is_file else repr(item).encode()))
-    return f"{single.images[0].stem[:60]}-{digest.hexdigest()[:8]}"
+    return f"{single.source.stem[:60]}-{digest.hexdigest()[:8]}"
 
 
 def _content(path: Path) -> bytes:
@@ -232,7 +237,7 @@ def _fit_one(key: str, single: argparse.Namespace) -> Row:
 
 
 def _identity(key: str, single: argparse.Namespace) -> Row:
-    return {"photo": str(single.images[0]), "key": key}
+    return {"photo": str(single.source), "key": key}
 
 
 @cache

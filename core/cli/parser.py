@@ -211,11 +211,13 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         type=input_file,
         nargs="+",
         metavar="[SIDE:]IMAGE",
-        help="up to 12 images, or a video, of one object; back:chair.jpg (front, left, back, right, above) names the "
-        "side that an image shows; see --each",
+        help="up to 12 images of one object, a folder of them, or a video; back:chair.jpg (front, left, back, right, "
+        "above) names the side that an image shows; see --each",
     )
     command.set_defaults(sides=())
     _add_each(command)
+    resume = "fitted scene, whose object finds the cameras of these further images of it: a quarter of a search's time"
+    command.add_argument("--resume", type=input_file, metavar="S.json", help=resume)
     models = "shipped name or path (default: by the first image's category)"
     command.add_argument("--model", type=model_name, metavar="M", help=models)
     add_device(command)
@@ -241,8 +243,8 @@ def _add_each(command: argparse.ArgumentParser) -> None:
         action="store_const",
         const="fit_each.fit_each",
         default=argparse.SUPPRESS,
-        help="each image shows an object of its own: fit one after another into the folder --out, as many at once as "
-        "--threads, each in a process of about 0.7 GB; started again, fits only what is missing",
+        help="each image, or folder of images, shows an object of its own: fit them into the folder --out, "
+        "as many at once as --threads, each in a process of about 0.7 GB; started again, fits only what is missing",
     )
     command.add_argument(
         "--cluster", metavar="tcp://HOST:PORT", help="with --each: fit on this Dask cluster, which sees the same files"

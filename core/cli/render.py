@@ -21,7 +21,7 @@ from core.export.films import View
 from core.export.framing import filling_frame
 from core.export.video import FORMATS, WHITE, VideoSettings, shown_views, write_video
 from core.geometry.pixels import to_bytes
-from core.models.library import load_model, shipped_models
+from core.models.library import load_model, model_with
 from core.models.model import Instance, Model
 from core.models.scene import Scene, open_scene, save_image, scene_model
 from core.runtime.files import require_writable
@@ -143,7 +143,7 @@ def _load_view(chosen: argparse.Namespace, from_photo: bool = False) -> View:
 
 def _load_selection(chosen: argparse.Namespace) -> View:
     """Return the chosen object, and the scene's camera or the default one."""
-    model = load_model(_model_name(chosen), chosen.device)
+    model = load_model(model_with(chosen.scene and scene_model(chosen.scene), chosen.model), chosen.device)
     if chosen.scene:
         return _opened(chosen, chosen.scene, model)
     instance = model.mean if chosen.object is None else model[chosen.object]
@@ -155,15 +155,6 @@ def _opened(chosen: argparse.Namespace, path: Path, model: Model) -> View:
     scene = open_scene(path, model)
     instance = scene.instance.with_detail(None) if chosen.no_photo_detail else scene.instance
     return View(_edited(chosen, instance), scene.camera)
-
-
-def _model_name(chosen: argparse.Namespace) -> str:
-    """Return the model's name: the chosen one unless another shipped one made the chosen scene."""
-    fingerprint = scene_model(chosen.scene) if chosen.scene else None
-    if fingerprint is None or load_model(chosen.model).shares_codes_with(fingerprint):
-        return chosen.model
-    names = (name for name in shipped_models() if load_model(name).shares_codes_with(fingerprint))
-    return next(names, chosen.model)
 
 
 def _edited(chosen: argparse.Namespace, instance: Instance) -> Instance:

@@ -14,8 +14,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from core.fitting.descent import log_ratio, optimise, score
-from core.fitting.hypotheses import HypothesisBatch, Parameters, concatenate, one_view, other_basins
-from core.fitting.initial import initial_hypotheses
+from core.fitting.hypotheses import Hypothesis, HypothesisBatch, Parameters, concatenate, one_view, other_basins
+from core.fitting.initial import initial_hypotheses, resume_from
 from core.fitting.problem import Problem
 from core.fitting.schedule import build_schedule
 from core.fitting.search import Search, Searching, SearchResult, SearchState, with_runner_up
@@ -72,6 +72,14 @@ class SetSearch(Search):
             single = yield from self.fit_alone(view)
             singles.append(single)
         assignments = yield from self.assign(singles)
+        return (yield from self.fit_jointly(singles, assignments))
+
+    def fit_jointly(self, singles: Sequence[SingleFit], assignments: Sequence[Assignment]) -> Searching[SearchState]:
+        """Optimise the best assignments, without misfits; return the last state.
+
+        Args:
+            singles: fits of the photos that may be misfits.
+        """
         search = self
         while True:
             initial = best_assignments(search.problem, assignments, self.schedule.local[0].hypotheses)
@@ -80,12 +88,12 @@ class SetSearch(Search):
             if misfit is None:
                 break
             problem = search.problem.without(misfit)
-            if problem.has_one_unknown:
+            if problem.has_one_unknown and not self.job.resume_from:
                 schedule = build_schedule(self.job.settings, self.job.components, 1)
                 return (yield from Search(problem, schedule, self.job, self.generator, self.views).find())
             search = replace(search, problem=problem)
         margins = yield from search.view_margins(singles, result.winner)
-        least = min(result.margin, *(margin for margin in margins if margin is not None))  # a margin of 0 counts
+        least = min((result.margin, *(margin for margin in margins if margin is not None)))  # a margin of 0 counts
         return (yield from search.end(result._replace(view_margins=margins, margin=least)))
 
     def fit_alone(self, view: int) -> Searching[SingleFit]:
@@ -102,7 +110,7 @@ class SetSearch(Search):
 
     def _of_views(self, views: tuple[int, ...], generator: torch.Generator) -> Search:
         """Return the search of some photos, the last with an unknown camera."""
-        job = replace(self.job, photos=tuple(self.job.photos[view] for view in views))
+        job = replace(self.job, photos=tuple(self.job.photos[view] for view in views), resume_from=None)
         problem = Problem.of(self.problem.shown_model, job, generator)
         schedule = build_schedule(job.settings.for_anchor(), job.components, 1, len(views))
         return Search(problem, schedule, job, generator, views)
@@ -154,6 +162,35 @@ class SetSearch(Search):
         return tuple(margins)
 
 
+@dataclass(frozen=True, eq=False)
+class GrowingSearch(SetSearch):
+    """The search for the cameras of photos that join an earlier result: its object places them, then all is refined."""
+
+    def find(self) -> Searching[SearchState]:
+        """Place the added photos and refine everything, without misfits; return the last state."""
+        assert self.job.resume_from, "an earlier result grows"
+        resumed = self._resume(range(self.job.added.start), self.job.resume_from)
+        cameras = {tuple(range(self.job.added.start)): resumed}
+        singles = list[SingleFit]()
+        for view in self.job.added:
+            if camera := self.job.photos[view].camera:
+                known = replace(self.job.resume_from, cameras=(camera,), crop_transform=torch.zeros(1, 4))
+                cameras[view,] = self._resume([view], known)
+                continue
+            alone = self._of_views((view,), self.generator)
+            single = SingleFit((view,), alone, alone.rank(), SearchResult(resumed))
+            placed = yield from self.place(single, resumed.parameters)
+            cameras[view,] = placed.best
+            refined = yield from alone.refine(placed.best)
+            singles.append(replace(single, result=SearchResult(refined)))
+        return (yield from self.fit_jointly(singles, [_merge(0, resumed, cameras, len(self.views))]))
+
+    def _resume(self, views: Sequence[int], hypothesis: Hypothesis) -> HypothesisBatch:
+        photos = [self.job.photos[view] for view in views]
+        cameras = [self.problem.cameras[view] for view in views]
+        return resume_from(self.problem.model, photos, cameras, hypothesis, self.problem.spaces)
+
+
 def best_assignments(problem: Problem, assignments: Sequence[Assignment], count: int) -> HypothesisBatch:
     """Return at most ``count`` different assignments by their loss over the photos that are not left out."""
     included = problem.included
@@ -184,7 +221,8 @@ def find_misfit(problem: Problem, singles: Sequence[SingleFit], winner: Hypothes
             batches = map(HypothesisBatch.of, codes)
             common, separate = (score(single.alone.problem, batch, math.inf).loss for batch in batches)
             excess[single.view] = log_ratio(common, separate)
-    if max(excess.values()) < _MISFIT and sum(excess.values()) < _DISAGREEMENT * len(excess):
+    agree = len(excess) == 1 or sum(excess.values()) < _DISAGREEMENT * len(excess)
+    if not excess or (agree and max(excess.values()) < _MISFIT):
         return None
     return max(excess) if int(problem.included.sum()) == 2 else max(excess, key=lambda number: excess[number])
 

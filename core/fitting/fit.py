@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from core.fitting.anchors import SetSearch
+from core.fitting.anchors import GrowingSearch, SetSearch
 from core.fitting.category_check import category_likelihood
 from core.fitting.hypotheses import Hypothesis, HypothesisBatch, to_cameras
 from core.fitting.photo_views import detailed_instance
@@ -43,9 +43,11 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     # Where the network paints the background, its colour would be free, too.
     job = replace(job, settings=replace(settings, free_steps=0) if model.white_from_network else settings)
     several = not job.resume_from and sum(photo.camera is None for photo in job.photos) > 1
-    search = (SetSearch if several else Search).of(model, job)
+    search = (GrowingSearch if job.added else SetSearch if several else Search).of(model, job)
     steps = search.schedule.steps
     cameras = search.problem.cameras
+    if job.resume_from:
+        cameras = (*job.resume_from.cameras, *cameras[job.added.start :])
     for step, state in enumerate(search.run(), 1):
         steps = steps if state.remaining is None else step + state.remaining
         fit_step = _to_step(job, state, cameras, step, steps, time.perf_counter() - began)
@@ -82,7 +84,7 @@ def _to_step(
         search_psnr=psnr_from_mse(float(searched.squared_error)) if state.freed else None,
         runner_up=result and _runner_up(state.search.problem, result.runner_up),
         # A fit resumed from one hypothesis has no competitors, so the margin is meaningless.
-        margin=None if job.resume_from or not result else result.margin,
+        margin=None if (job.resume_from and not job.added) or not result else result.margin,
         uncertainty=result and result.uncertainty,
         hypotheses=hypotheses,
         category_likelihood=category_likelihood(state.search.problem.model.category, job.photos),

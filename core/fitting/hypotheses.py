@@ -1,7 +1,7 @@
 """Hypotheses about photos: a camera for each and one pair of codes, many hypotheses in one batch."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -38,6 +38,12 @@ class Hypothesis:
     cameras: tuple[Camera, ...]  # one per photo, at the photo's size
     instance: Instance
     crop_transform: Float[Tensor, "views 4"]  # see Parameters; its scale is included in the cameras' focal lengths
+
+    def without(self, views: Collection[int]) -> "Hypothesis":
+        """Return the hypothesis about the other photos."""
+        remaining = [view for view in range(len(self.cameras)) if view not in views]
+        cameras = tuple(self.cameras[view] for view in remaining)
+        return replace(self, cameras=cameras, crop_transform=self.crop_transform[remaining])
 
 
 class Parameters(NamedTuple):

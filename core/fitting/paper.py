@@ -36,7 +36,12 @@ def fit_as_set(model: Model, job: FitJob) -> Iterator[FitStep]:
 
 @isolated
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
-    """Fit by the paper's recipe; yield steps like :func:`core.fitting.fit.fit`, without margin and photo detail."""
+    """Fit by the paper's recipe; yield steps like :func:`core.fitting.fit.fit`, without margin and photo detail.
+
+    Raises ``ValueError`` for photos that join an earlier result.
+    """
+    if job.added:
+        raise ValueError("the paper's recipe adds no photos to an object")
     began = time.perf_counter()
     generator = torch.Generator().manual_seed(job.seed)
     settings = job.settings

@@ -10,9 +10,11 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from core.fitting.hypotheses import Hypothesis
+from core.fitting.problem import nominal_camera
 from core.fitting.steps import FitStep
 from core.geometry.camera import Camera
 from core.geometry.pixels import bounding_box, to_bytes
+from core.models.codes import Codes
 from core.models.model import Instance, Model
 from core.models.photo_detail import BACKGROUND, MAX_PHOTOS, PhotoDetail, PhotoView, decompressed
 from core.photos.photo import DOUBTFUL_MASK, Photo
@@ -22,6 +24,8 @@ from core.streams import run_to_end
 _MARGIN = 0.2 / 128  # image heights added to the edge error for the margin within which the object ends
 _DOUBTFUL_OPACITY = round(2 * BACKGROUND * 255)  # 0..255, of doubtful background; certain background has less
 _RENDER_HEIGHT = 64  # px, height of the render that the mask is compared with
+_SAME_OPACITY = 0.02  # difference up to which an opacity counts as that of doubtful background
+_KEPT_CONFIDENCE = 0.9  # mask confidence of a photo kept with an object, which does not record its own
 _SOLID = 0.9  # opacity of the render above which the fitted object is solid
 _DEEP_BACKGROUND = 6 / 128  # image heights from the mask; nearer background is certain, the render is less exact
 
@@ -50,6 +54,49 @@ def detailed_instance(photos: Sequence[Photo], hypothesis: Hypothesis, left_out:
     if len(included) > 1:
         views = tuple(replace(view, outline_margin=None) for view in views)
     return plain.with_detail(PhotoDetail.of(views, plain.codes))
+
+
+def resume_point(instance: Instance) -> tuple[tuple[Photo, ...], Hypothesis]:
+    """Return the photos of an object's detail, and the hypothesis with which a fit of them and of others begins.
+
+    Edits of the object are left out. Raises ``ValueError`` for an object without photos.
+    """
+    if instance.detail is None:
+        raise ValueError("the object has no photos: fit it from all of them")
+    model = instance.model
+    photos = tuple(_kept_photo(view, model) for view in instance.detail.views)
+    views = zip(instance.detail.views, photos, strict=True)
+    cameras = tuple(view.camera.resized(*reversed(photo.mask.shape)) for view, photo in views)
+    transform = torch.zeros(len(cameras), 4)
+    scales = [camera.focal / nominal_camera(photo, model).focal for camera, photo in zip(cameras, photos, strict=True)]
+    transform[:, 0] = torch.tensor(scales).log()
+    latents = instance.detail.fitted
+    codes = Codes(latents.shape, latents.texture, latents.shape_offsets, latents.texture_offsets)
+    return photos, Hypothesis(0, 0.0, cameras, Instance(model, codes), transform)
+
+
+def _kept_photo(view: PhotoView, model: Model) -> Photo:
+    """Return a photo of an object's detail, prepared for a fit."""
+    import cv2  # loaded only if there is a photo
+
+    rgba = view.pixels()
+    scale = model.image_size / max(rgba.shape[:2])
+    size = tuple(max(1, round(scale * side)) for side in rgba.shape[1::-1])
+    pixels = torch.from_numpy(cv2.resize(rgba, size, interpolation=cv2.INTER_AREA) / 255).float()
+    opacity = pixels[..., 3]
+    mask = opacity > 0.5
+    # The object may be hidden where its background is doubtful.
+    unseen = ~mask & ((opacity - 2 * BACKGROUND).abs() < _SAME_OPACITY)
+    return Photo(
+        pixels[..., :3],
+        mask,
+        cropped=True,
+        unseen=unseen,
+        scaled=True,
+        opacity=opacity * ~unseen,
+        fine=view.image,
+        mask_confidence=_KEPT_CONFIDENCE,
+    )
 
 
 def photo_view(

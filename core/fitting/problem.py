@@ -40,13 +40,13 @@ _VALIDATION_RAYS = 512  # shared by all photos, not used by steps: for the uncer
 class FitJob:
     """Photos of one object to fit.
 
-    Raises ``ValueError`` without photos, with more than :data:`MOST_PHOTOS`, or if a resumed fit had more or fewer.
+    Raises ``ValueError`` without photos, with more than :data:`MOST_PHOTOS`, or if a resumed fit had more.
     """
 
     photos: tuple[Photo, ...]
     settings: FitSettings = field(default_factory=FitSettings)
     seed: int = 0
-    resume_from: Hypothesis | None = None  # refine this one, without a search
+    resume_from: Hypothesis | None = None  # refine this one, without a search; its object places further photos
     components: Components = ALL_COMPONENTS  # enabled components, for ablations
 
     @property
@@ -60,8 +60,13 @@ class FitJob:
             raise ValueError("there is no photo to fit")
         if len(self.photos) > MOST_PHOTOS:
             raise ValueError(f"one object has at most {MOST_PHOTOS} photos, got {len(self.photos)}")
-        if self.resume_from and len(self.resume_from.cameras) != len(self.photos):
-            raise ValueError("a fit resumes with the photos that it had")
+        if self.added.start > len(self.photos):
+            raise ValueError("a fit resumes with the photos that it had, and others after them")
+
+    @property
+    def added(self) -> range:
+        """Numbers of the photos that join those of the result from which the fit resumes."""
+        return range(len(self.resume_from.cameras if self.resume_from else self.photos), len(self.photos))
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,7 +105,7 @@ _SHAPES = 6  # hypotheses if every camera is known: initial shapes
 
 
 def build_schedule(
-    settings: FitSettings, components: Components, unknown: int, photos: int = 1, resumed: bool = False
+    settings: FitSettings, components: Components, unknown: int, photos: int = 1, added: int | None = None
 ) -> Schedule:
     """Return the stages of a fit. Photos share the rays of a step.
 
@@ -113,7 +113,8 @@ def build_schedule(
         unknown: number of unknown cameras. One adds a coarse search from many cameras, whose codes are discarded, as
             codes fitted under a wrong camera do not recover, and its rivals. With more, each photo has a search of
             its own before.
-        resumed: has only the final stage, for all steps: early stages would spoil the hypothesis.
+        added: number of photos that join a result from which the fit resumes; None: a search. Without any there is only
+            the final stage, for all steps: early stages would spoil the hypothesis.
     """
     starts = settings.hypotheses * 3 // 2 if settings.estimate_focal else settings.hypotheses
     shared = replace(settings, rays=max(1, settings.rays // photos))
@@ -121,10 +122,15 @@ def build_schedule(
     free = None
     if settings.free_steps:
         free = final._replace(steps=settings.free_steps, damping=_FREE_DAMPING)
-    if resumed:
+    if added == 0:
         return Schedule((), (), final._replace(steps=settings.steps), free=free)
+    placing = _stages(_PLACING, starts, settings, components, codes_move=False)
+    if added:
+        joint = _stages(_JOINT, 1, shared, components)
+        (single,) = _stages((_FINAL,), 1, settings.for_anchor(), components)
+        single_steps = added * (single.steps - 1 + 2 * sum(stage.steps for stage in placing))
+        return Schedule((), joint, final, free=free, placing=placing, single_steps=single_steps)
     if unknown > 1:
-        placing = _stages(_PLACING, starts, settings, components, codes_move=False)
         joint = _stages(_JOINT, _ASSIGNMENTS, shared, components)
         alone = build_schedule(settings.for_anchor(), components, 1).steps
         single_steps = unknown * (alone + 2 * (unknown - 1) * sum(stage.steps for stage in placing))

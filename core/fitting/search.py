@@ -99,9 +99,9 @@ class Search:
         generator = torch.Generator().manual_seed(job.seed)
         problem = Problem.of(model, job, generator)
         count = len(job.photos)
-        schedule = build_schedule(
-            job.settings, job.components, int(problem.unknown.sum()), count, job.resume_from is not None
-        )
+        unknown = int(problem.unknown.sum())
+        added = None if job.resume_from is None else len(job.added)
+        schedule = build_schedule(job.settings, job.components, unknown, count, added)
         return cls(problem, schedule, job, generator, range(count))
 
     def run(self) -> Iterator[SearchState]:

@@ -17,6 +17,14 @@ def shipped_models() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.safetensors")))
 
 
+def model_with(fingerprint: str | None, preferred: str) -> str:
+    """Return the name of the shipped model with a fingerprint; the preferred name if that fits, or none does."""
+    if fingerprint is None or load_model(preferred).shares_codes_with(fingerprint):
+        return preferred
+    names = (name for name in shipped_models() if load_model(name).shares_codes_with(fingerprint))
+    return next(names, preferred)
+
+
 @cache
 def sample_images(category: str) -> tuple[Path, ...]:
     """Return images of held-out objects of a category ("cars"); empty for a category without samples."""

@@ -44,6 +44,16 @@ _LISTED = 8  # values in a message
 _OTHER_COLOUR_SPACES = ("L", "CMYK")  # modes with colour profiles of their own
 
 
+def image_files(folder: Path) -> list[Path]:
+    """Return the images in a folder, sorted by name; none if there is no folder."""
+    return sorted(path for path in folder.glob("*") if path.suffix.lower() in IMAGE_SUFFIXES and not is_junk(path))
+
+
+def is_junk(path: Path) -> bool:
+    """True for files that systems leave in copied or zipped folders: ``._000000.png``, ``__MACOSX``."""
+    return path.name.startswith(".") or path.name == "__MACOSX"
+
+
 def read_rgba(path: Path) -> Image.Image:
     """Read an image upright, in sRGB, as 8-bit RGBA, its longer side at most :data:`WORKING_SIDE`.
 

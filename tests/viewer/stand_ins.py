@@ -144,7 +144,7 @@ def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             height, width = job.photos[0].mask.shape
             camera = model.camera(1.0 + start * math.pi / 2, 0.3 + 0.01 * step).resized(width, height)
             begin = job.resume_from if not start else None
-            first = begin.cameras if begin else (camera,) * len(job.photos)
+            first = (*(begin.cameras if begin else ()), *(camera for _ in job.photos))[: len(job.photos)]
             cameras = tuple(camera or start_camera for camera, start_camera in zip(known_cameras, first, strict=True))
             hypotheses.append(
                 Hypothesis(

@@ -207,11 +207,27 @@ class Fitting:
             self._jobs.messages.notify(text, MessageKind.NOTE)
 
     def add_photo(self, history: FitHistory, path: Path, side: Side | None = None) -> None:
-        """Fit an object again with another photo, and the side that it shows, if known."""
+        """Refine an object with another photo, and the side that it shows, if known."""
         self._fit_more(history, self._copies.keep(PhotoSource(path, side=side)))
 
     def _fit_more(self, history: FitHistory, source: PhotoSource) -> None:
-        self.fit(*history.sources, source, model=history.model)
+        self._refine(history, (), source)
+
+    def take_out(self, history: FitHistory, number: int) -> None:
+        """Refine an object without one of its photos."""
+        self._refine(history, (number,))
+
+    def _refine(self, earlier: FitHistory, without: tuple[int, ...], *added: PhotoSource) -> None:
+        """Fit photos from the earlier result, without a search if it can resume; those it left out are dropped."""
+        left_out = earlier.last.left_out if earlier.last else ()
+        history = earlier.without_photos(*without, *left_out)
+        initial = earlier.resume_point and earlier.resume_point.without((*without, *left_out))
+        if not history.sources:  # the last photo that was not left out is taken out
+            history = earlier.without_photos(*without)
+            initial = None
+        history = replace(history, sources=(*history.sources, *added))
+        self._waiting = self._waiting.without_questions(history.sources)
+        self._begin(FitRequest(history, initial, answered=len(history.photos)))
 
     def fit_again(self, history: FitHistory) -> None:
         """Fit the photos of a history from the beginning, without questions about those it has read."""
@@ -250,7 +266,8 @@ class Fitting:
         history = question.request.history
         model = model or question.model
         photos = history.photos if model == history.model else ()
-        request = FitRequest(FitHistory(history.sources, photos, model=model), answered=question.number + 1)
+        resume_from = question.request.resume_from if photos else None
+        request = FitRequest(FitHistory(history.sources, photos, model=model), resume_from, question.number + 1)
         cut = question.cut
         preview = question.preview
         confirmed = dict(self._waiting.confirmed)
@@ -364,7 +381,7 @@ class Fitting:
             frames = partial(read_frames, self._jobs.backend, request, self._copies.keep_image)
             self._jobs.submit(Job("fit", frames, self._receive_frames, self._read, weight=FIT_WEIGHT))
             return
-        settings = self.options.settings(request.resume_from is not None)
+        settings = self.options.settings(request.refines)
         stream = partial(fit_stream, self._jobs, self._editor.model, request, settings, self._waiting.confirmed)
         self._jobs.submit(Job("fit", stream, self._receive, self._ended, weight=FIT_WEIGHT))
 

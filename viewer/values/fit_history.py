@@ -99,10 +99,11 @@ class FitHistory:
         """Return whether the fit can continue from a hypothesis, which needs a camera per photo."""
         return len(hypothesis.cameras) == len(self.photos)
 
-    def without_photo(self, number: int) -> FitHistory:
+    def without_photos(self, *numbers: int) -> FitHistory:
         """Return a history of the other photos, without steps."""
-        sources = (*self.sources[:number], *self.sources[number + 1 :])
-        return FitHistory(sources, (*self.photos[:number], *self.photos[number + 1 :]), model=self.model)
+        remaining = [number for number in range(len(self.sources)) if number not in numbers]
+        photos = tuple(self.photos[number] for number in remaining if number < len(self.photos))
+        return FitHistory(tuple(self.sources[number] for number in remaining), photos, model=self.model)
 
     def with_side(self, number: int, side: Side | None) -> FitHistory:
         """Return a history, without steps, in which a photo shows a named side of the object."""
@@ -139,6 +140,11 @@ class FitRequest(NamedTuple):
     resume_from: Hypothesis | None = None  # None: search from the beginning
     answered: int = 0  # number of photos, from the first, whose questions were answered
     problem: str = ""  # reason why the fit failed; empty until then
+
+    @property
+    def refines(self) -> bool:
+        """True if the fit resumes with the photos that it had."""
+        return self.resume_from is not None and len(self.resume_from.cameras) == len(self.history.sources)
 
 
 class Question(NamedTuple):

@@ -54,7 +54,7 @@ def draw_unseen_side(context: PanelContext, history: FitHistory, detail: PhotoDe
 
 
 def ask_for_photo(context: PanelContext, history: FitHistory, side: Side | None = None) -> None:
-    """Ask for another photo of an object, which is fitted again with it.
+    """Ask for another photo of an object, which is refined with it.
 
     Args:
         side: of the object that the photo shows, if it is known.
@@ -99,5 +99,5 @@ def _draw_menu(context: PanelContext, history: FitHistory, number: int) -> None:
     if len(history.sources) > 1:
         imgui.separator()
         if imgui.menu_item_simple("Take this photo out###remove photo"):
-            fitting.fit_again(history.without_photo(number))
+            fitting.take_out(history, number)
     imgui.end_popup()

@@ -21,7 +21,7 @@ from PIL import Image
 from core.geometry.camera import Camera
 from core.geometry.pose_files import PosedImage, read_pose, read_transforms, require_scale, scaled
 from core.lab.datasets.packs import PackedObject, index_pack, is_pack, read_packed, write_pack
-from core.photos.decode import IMAGE_SUFFIXES
+from core.photos.decode import IMAGE_SUFFIXES, image_files, is_junk
 from core.runtime.files import atomic_folder, write_json
 from core.runtime.numbers import number, whole
 from core.runtime.reading import open_image, read_json, read_text, reading, typed
@@ -231,7 +231,7 @@ def _index_folder(folder: Path) -> tuple[str, list[ObjectEntry]]:
     category, identities = _read_manifest(folder / "manifest.json")
     if _transforms(folder):
         return category, [_own_entry(folder)]
-    paths = sorted(path for path in folder.iterdir() if path.is_dir() and not _is_junk(path))
+    paths = sorted(path for path in folder.iterdir() if path.is_dir() and not is_junk(path))
     if not paths:
         raise ValueError(f"{folder}: no object folders in it")
     return category, [ObjectEntry(path, *identities.get(path.name, (path.name, path.name))) for path in paths]
@@ -286,11 +286,11 @@ def _read_object(entry: ObjectEntry) -> ObjectViews:
 
 def _srn_views(folder: Path) -> list[PosedImage]:
     """Return the images of an object in SRN's layout, with their cameras."""
-    paths = _images(folder / "rgb")
-    masks = {path.stem: path for path in _images(folder / "mask")}
+    paths = image_files(folder / "rgb")
+    masks = {path.stem: path for path in image_files(folder / "mask")}
     if not paths:
         raise ValueError(f"{folder / 'rgb'}: no images ({', '.join(IMAGE_SUFFIXES)})")
-    poses = {pose.stem: pose for pose in (folder / "pose").glob("*.txt") if not _is_junk(pose)}
+    poses = {pose.stem: pose for pose in (folder / "pose").glob("*.txt") if not is_junk(pose)}
     if set(poses) != {path.stem for path in paths}:
         raise ValueError(f"{folder / 'pose'}: {len(poses)} poses do not match the {len(paths)} images by name")
     focal = _read_intrinsics(folder / "intrinsics.txt")
@@ -307,16 +307,6 @@ def _nerf_views(file: Path) -> list[PosedImage]:
             raise ValueError(f"{file}: there is no image {view.image}")
         views.append(view._replace(image=path))
     return views
-
-
-def _images(folder: Path) -> list[Path]:
-    """Return the images in a folder, sorted by name; none if there is no folder."""
-    return sorted(path for path in folder.glob("*") if path.suffix.lower() in IMAGE_SUFFIXES and not _is_junk(path))
-
-
-def _is_junk(path: Path) -> bool:
-    """True for files that systems leave in copied or zipped folders: ``._000000.png``, ``__MACOSX``."""
-    return path.name.startswith(".") or path.name == "__MACOSX"
 
 
 def _read_intrinsics(path: Path) -> float:

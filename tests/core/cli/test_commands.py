@@ -20,6 +20,7 @@ from core.editing.words import direction_words
 from core.fitting import fit as fits
 from core.fitting.fit import PRESETS, FitSettings, FitStep, RunnerUp
 from core.lab.datasets.srn import read_dataset, write_manifest, write_object
+from core.metrics import rotation_error
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.photo_detail import PhotoDetail, PhotoView
@@ -452,6 +453,23 @@ def test_a_photo_of_another_object_is_left_out_by_name(file, model, capsys, fit_
     assert printed.err == "python -m core: b.png: this looks like another object, so it is left out\n"
     photos = json.loads(printed.out)["photos"]
     assert photos[1] is None and photos[0]["confidence"] > 0.9
+
+
+def test_a_photo_joins_the_object_of_a_scene(file, model, capsys, monkeypatch, fit_ends):
+    camera = model.camera(0.3, 0.3).resized(64, 64)
+    fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (camera,) * 2, model[0], left_out=(1,)))
+    step = next(fits.fit(model, None))
+    jobs = []
+    monkeypatch.setattr(fits, "fit", lambda model, job: iter([jobs.append(job) or step]))
+    Scene(model[0], camera).save(Path("plain.json"))
+    assert "the object has no photos" in refused(capsys, f"fit a.png --resume plain.json --model {file}")
+    view = PhotoView.of(np.full((64, 64, 4), 200, np.uint8), camera)
+    Scene(model[0].with_detail(PhotoDetail.of((view,), model[0].codes)), camera).save(Path("s.json"))
+    run(f"fit a.png --resume s.json --model {file} --out s.json")
+    assert jobs[0].added == range(1, 2) and rotation_error(jobs[0].resume_from.cameras[0], camera) < 1e-3
+    printed = capsys.readouterr()
+    assert printed.err == "python -m core: a.png: this looks like another object, so it is left out\n"
+    assert len(json.loads(printed.out)["photos"]) == 2
 
 
 def test_a_chair_and_a_car_are_not_fitted_as_one_object_unless_a_model_is_named(

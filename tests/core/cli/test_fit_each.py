@@ -89,13 +89,27 @@ def test_only_photos_without_a_result_are_fitted():
     assert names() == ["bad.png", "green.png", "red.png", "red.png"]
 
 
+def test_a_folder_of_photos_is_one_object():
+    Path("sides").mkdir()
+    for name in ("red.png", "green.png"):
+        Path(name).rename(Path("sides", name))
+    arguments = ["fit", "--each", "sides", "blue.png", "--model", "m.safetensors", "--preset", "draft", "--out", "out"]
+    main(arguments)
+    rows = {Path(row["photo"]).name: row for row in map(json.loads, lines())}
+    assert {name: len(row["photos"]) for name, row in rows.items()} == {"sides": 2, "blue.png": 1}
+    main(arguments)
+    assert len(lines()) == 2
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["fit", "--each", "red.png"], "--each needs a folder for its results: --out FOLDER"),
-        (words("red.png", more="--log a.jsonl"), "--log and --explain describe a single fit"),
+        (words("red.png", more="--log a.jsonl"), "--log, --explain and --resume are of a single fit"),
         (words("red.png", out="p.txt"), "cannot write p.txt: it is not a folder"),
         (["fit", "red.png", "--cluster", "tcp://127.0.0.1:1"], "add --each"),
+        (["fit", "--each", "out", "--out", "out"], "out: no images in this folder"),
+        (["fit", "--each", ".", "--out", "out", "--box", "1,2,3,4"], "not of a video or a folder"),
         (["fit", "--each", "red.png", "--out", "out", "--box", "1,2,3,4", "1,2,3,4"], "1 images need as many boxes"),
     ],
 )

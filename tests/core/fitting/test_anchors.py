@@ -57,6 +57,25 @@ def test_of_two_different_objects_the_first_is_fitted(tiny: Model):
     assert rotation_error(step.cameras[0], cameras[0]) < 10
 
 
+def test_a_photo_joins_an_object_without_a_search(tiny: Model):
+    photos, cameras = photos_of(tiny, 1, 1, 1)
+    posed = [replace(photo, camera=camera) for photo, camera in zip(photos[:2], cameras, strict=False)]
+    first = last_step(tiny, posed)
+    steps = list(fit(tiny, FitJob(tuple(photos), replace(QUICK, free_steps=0), resume_from=first.hypotheses[0])))
+    assert max(map(rotation_error, steps[-1].cameras, cameras)) < 5
+    assert steps[-1].left_out == () and steps[-1].confidences[2] is not None
+    assert steps[0].cameras[:2] == first.cameras
+    assert len(steps) == steps[0].steps
+
+
+def test_a_known_camera_joins_an_object(tiny: Model):
+    photos, cameras = photos_of(tiny, 1, 1)
+    posed = [replace(photo, camera=camera) for photo, camera in zip(photos, cameras, strict=True)]
+    first = last_step(tiny, posed[:1])
+    *_, step = fit(tiny, FitJob((photos[0], posed[1]), SHORT, resume_from=first.hypotheses[0]))
+    assert rotation_error(step.cameras[1], cameras[1]) < 1e-3 and rotation_error(step.cameras[0], cameras[0]) < 5
+
+
 def test_the_best_different_assignments_count_photos_that_are_not_left_out(tiny: Model):
     photos, _ = photos_of(tiny, 1, 1)
     problem = problem_of(tiny, *photos)

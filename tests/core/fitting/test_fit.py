@@ -169,6 +169,8 @@ def test_a_resumed_fit_keeps_known_cameras_and_several_unknown_ones(tiny: Model)
     assert len(second.hypotheses[0].cameras) == 3
     with pytest.raises(ValueError, match="the photos that it had"):
         replace(job, photos=job.photos[:1], resume_from=first.hypotheses[0])
+    *_, less = fit(tiny, replace(job, photos=job.photos[:2], resume_from=first.hypotheses[0].without([2])))
+    assert len(less.cameras) == 2 and less.confidence is None
 
 
 # Runner-up

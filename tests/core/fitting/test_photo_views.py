@@ -5,12 +5,15 @@ import numpy as np
 import pytest
 import torch
 
+from core.fitting.fit import FitJob, fit
 from core.fitting.hypotheses import Hypothesis, Parameters, image_points
-from core.fitting.photo_views import detailed_instance, photo_view
+from core.fitting.photo_views import detailed_instance, photo_view, resume_point
 from core.geometry.camera import pixel_centres
+from core.metrics import rotation_error
 from core.models.model import Model
 from core.models.photo_detail import BACKGROUND, compressed
 from core.photos.photo import Photo
+from tests.core.fitting.inputs import QUICK
 from tests.core.tiny import photo_of
 
 
@@ -102,3 +105,20 @@ def test_only_a_single_photo_bounds_the_object(model: Model) -> None:
         detail = detailed_instance((photo,) * count, hypothesis, left_out).detail
         assert detail is not None
         assert [view.outline_margin is not None for view in detail.views] == bounds
+
+
+@pytest.mark.parametrize("cropped", [False, True])
+def test_a_fit_resumes_with_the_photos_that_an_object_keeps(tiny: Model, cropped: bool) -> None:
+    camera = tiny.camera(1.2, 0.3)
+    photo = photo_of(tiny[0], camera)
+    if cropped:  # moved and zoomed
+        photo = replace(photo, cropped=True, scaled=True)
+    job = FitJob((photo,), QUICK)
+    *_, first = fit(tiny, job)
+    photos, hypothesis = resume_point(first.instance)
+    assert rotation_error(hypothesis.cameras[0], first.cameras[0]) < 1e-3
+    *_, again = fit(tiny, replace(job, photos=photos, resume_from=hypothesis, settings=replace(QUICK, steps=4)))
+    assert rotation_error(again.cameras[0], first.cameras[0]) < 3
+    assert again.psnr > 25
+    with pytest.raises(ValueError, match="no photos"):
+        resume_point(tiny[0])

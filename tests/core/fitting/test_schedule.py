@@ -31,7 +31,7 @@ def test_photos_share_the_rays_of_a_step_and_place_each_other_if_several_cameras
 def test_known_cameras_and_resumed_fits_skip_the_coarse_search():
     assert not build_schedule(PRESETS["normal"], ALL_COMPONENTS, unknown=False).coarse
     settings = PRESETS["normal"]
-    (final,) = build_schedule(settings, ALL_COMPONENTS, unknown=True, resumed=True).stages
+    (final,) = build_schedule(settings, ALL_COMPONENTS, unknown=True, added=0).stages
     assert (final.hypotheses, final.steps, final.rays) == (1, settings.steps, settings.rays)
 
 

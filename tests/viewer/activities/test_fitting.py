@@ -171,6 +171,27 @@ def test_dropped_photos_can_become_an_object_each_or_join_the_shown_object(sessi
     assert [source.path.stem for source in fitting.history.sources] == ["block a", "block c"]
 
 
+def test_photos_join_and_leave_an_object_without_a_search(session: Session, photo: Path) -> None:
+    fitting = session.fitting
+    jobs: list[FitJob] = []
+
+    def noting(model: Model, job: FitJob) -> Iterator[FitStep]:
+        jobs.append(job)
+        return (replace(step, left_out=(1,) if len(jobs) == 1 else ()) for step in quick_fit(model, job))
+
+    session.jobs.backend = replace(session.jobs.backend, fit=noting)
+    fitting.start(block(photo, "a"), block(photo, "b"))
+    finish(session, lambda: not fitting.pending)
+    fitting.add_photo(fitting.history, block(photo, "c"))
+    finish(session, lambda: not fitting.pending)
+    fitting.take_out(fitting.history, 0)
+    finish(session, lambda: not fitting.pending)
+    assert [source.path.stem for source in fitting.history.sources] == ["block c"]
+    assert [job.resume_from and len(job.resume_from.cameras) for job in jobs] == [None, 1, 1]
+    assert [len(job.added) for job in jobs] == [0, 1, 0]
+    assert jobs[1].settings.steps == jobs[0].settings.steps > jobs[2].settings.steps
+
+
 def test_a_photo_that_was_left_out_can_be_fitted_by_itself(session: Session, photo: Path) -> None:
     def leaving_out(model: Model, job: FitJob) -> Iterator[FitStep]:
         steps = quick_fit(model, job)
