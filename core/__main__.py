@@ -19,13 +19,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     use_one_torch_thread()
     on_signals()
     with lasting_output():
-        chosen = parse(sys.argv[1:] if arguments is None else arguments)
-        chosen.began = began
-        use_threads(chosen.threads)
-        module, _, name = chosen.run.partition(".")
+        args = parse(sys.argv[1:] if arguments is None else arguments)
+        args.began = began
+        use_threads(args.threads)
+        module, _, name = args.run.partition(".")
         try:
             # Imported late, so that a command loads only its own modules.
-            getattr(import_module(f"core.cli.{module}"), name)(chosen)
+            getattr(import_module(f"core.cli.{module}"), name)(args)
         except (ValueError, OSError) as error:
             say(" ".join(str(error).split()))
             sys.exit(2)

@@ -32,30 +32,30 @@ def main(arguments: Sequence[str] | None = None) -> None:
     keep_little_free_memory()
     use_one_torch_thread()
     on_signals()
-    chosen = parser().parse_args(arguments)
-    use_threads(chosen.threads)
+    args = parser().parse_args(arguments)
+    use_threads(args.threads)
     try:
-        if chosen.screenshot is not None:
-            _run(chosen)
+        if args.screenshot is not None:
+            _run(args)
             return
-        image = str(chosen.image.absolute()) if chosen.image else ""
+        image = str(args.image.absolute()) if args.image else ""
         folder = config_folder()
-        instance = begin(folder, Start(image, _found_again(chosen.model or "")))
+        instance = begin(folder, Start(image, _found_again(args.model or "")))
         if instance is None:
             print(f"{window.NAME} is open already: its window was raised")
             return
         with closing(instance):
-            _run(chosen, folder, instance)
+            _run(args, folder, instance)
     except (NoDisplayError, ImportError, OSError, ValueError) as error:
         sys.exit(f"{program_name('viewer', 'codenerf-viewer')}: {error}")
 
 
-def _run(chosen: argparse.Namespace, folder: Path | None = None, instance: SingleInstance | None = None) -> None:
+def _run(args: argparse.Namespace, folder: Path | None = None, instance: SingleInstance | None = None) -> None:
     """Run a window that keeps its work in ``folder``; without ``instance``, save an image of an invisible one."""
     headless = instance is None
     worker = Worker(at_rest=return_free_memory)
     try:
-        begin_session = partial(_session, chosen, folder, worker)
+        begin_session = partial(_session, args, folder, worker)
         if not headless:
             window.prepare(headless=False)
         session = begin_session() if headless else Splash(begin_session).run()
@@ -64,16 +64,16 @@ def _run(chosen: argparse.Namespace, folder: Path | None = None, instance: Singl
         from viewer.screenshot import Screenshot
         from viewer.services.messages import Button, MessageKind
 
-        app = App(session, chosen.size, folder, headless, instance=instance)
+        app = App(session, args.size, folder, headless, instance=instance)
         if folder and is_temporary(folder):
             text = f"No home folder takes files: this session is kept in {folder}"
             session.messages.notify(text, MessageKind.NOTE, buttons=(Button("OK", lambda: None),))
-        if chosen.model:
-            session.show_model(_found_again(chosen.model))
-        if chosen.image:
-            app.context.fit(chosen.image)
+        if args.model:
+            session.show_model(_found_again(args.model))
+        if args.image:
+            app.context.fit(args.image)
         if headless:
-            Screenshot(app, _LONGEST).save(chosen.screenshot)
+            Screenshot(app, _LONGEST).save(args.screenshot)
         else:
             app.run()
     finally:
@@ -82,15 +82,15 @@ def _run(chosen: argparse.Namespace, folder: Path | None = None, instance: Singl
         sys.exit(f"{program_name('viewer', 'codenerf-viewer')}: {failed[-1]}")
 
 
-def _session(chosen: argparse.Namespace, folder: Path | None, worker: Worker) -> "Session":
+def _session(args: argparse.Namespace, folder: Path | None, worker: Worker) -> "Session":
     """Return a new session; importing torch and opening the models take seconds."""
     import_module("viewer.app")
     from core.models.library import DEFAULT_MODEL, load_model
     from viewer.services.backend import Backend
     from viewer.session import Session
 
-    backend = Backend(partial(load_model, device=chosen.device))
-    return Session(worker, backend, None, folder, _found_again(chosen.model or "") or DEFAULT_MODEL, display_name())
+    backend = Backend(partial(load_model, device=args.device))
+    return Session(worker, backend, None, folder, _found_again(args.model or "") or DEFAULT_MODEL, display_name())
 
 
 def _found_again(model: str) -> str:

@@ -19,31 +19,29 @@ from core.models.model import Model
 from core.runtime.files import is_stream, require_writable
 
 
-def evaluate(chosen: argparse.Namespace) -> None:
+def evaluate(args: argparse.Namespace) -> None:
     """Run ``evaluate``: the paper's table on a test set."""
-    protocol = EvaluationProtocol(
-        chosen.input_views, chosen.pose == "estimate", chosen.preset, chosen.seed, chosen.view_stride
-    )
-    model = load_model(chosen.model, chosen.device)
-    entries = index_entries(model, chosen.datasets, chosen.pose_scale)
-    if chosen.report:
-        require_writable(chosen.report)
+    protocol = EvaluationProtocol(args.input_views, args.pose == "estimate", args.preset, args.seed, args.view_stride)
+    model = load_model(args.model, args.device)
+    entries = index_entries(model, args.datasets, args.pose_scale)
+    if args.report:
+        require_writable(args.report)
     wait_for_view_bank(model)
-    conditions = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
-    entries = evenly_spaced(entries, chosen.objects)
+    conditions = {"model": model.fingerprint, "datasets": " ".join(map(str, args.datasets))}
+    entries = evenly_spaced(entries, args.objects)
     scores = list[ObjectScore]()
     views = _with_objects((entry.read() for entry in entries), protocol)
     with tqdm(total=len(entries), unit="object", disable=None) as bar:
         for score in scored(model, views, protocol):
             scores.append(score)
-            if chosen.report and not is_stream(chosen.report):  # after each, so that a later failure loses nothing
-                write_report(chosen.report, scores, protocol, conditions)
+            if args.report and not is_stream(args.report):  # after each, so that a later failure loses nothing
+                write_report(args.report, scores, protocol, conditions)
             bar.set_postfix_str(f"{fmean(score.psnr for score in scores):.2f} dB")
             bar.update()
     if not scores:
         raise ValueError("all objects of the dataset are blank")
-    if chosen.report and is_stream(chosen.report):
-        write_report(chosen.report, scores, protocol, conditions)
+    if args.report and is_stream(args.report):
+        write_report(args.report, scores, protocol, conditions)
     print(format_table(scores, protocol), flush=True)
 
 

@@ -41,113 +41,113 @@ _Object = TypeVar("_Object")
 _DEFAULT_VIEWS = {"train": 50, "validation": SPIRAL_VIEWS, "test": SPIRAL_VIEWS}
 
 
-def dataset_meshes(chosen: argparse.Namespace) -> None:
+def dataset_meshes(args: argparse.Namespace) -> None:
     """Run ``dataset meshes``: render GLB files into SRN folders."""
-    _render(chosen, mesh_tasks(chosen.folder, chosen.category, chosen.split, chosen.variants), chosen.split)
+    _render(args, mesh_tasks(args.folder, args.category, args.split, args.variants), args.split)
 
 
-def dataset_pack(chosen: argparse.Namespace) -> None:
+def dataset_pack(args: argparse.Namespace) -> None:
     """Run ``dataset pack``: write dataset folders into one file."""
-    if chosen.out.suffix != SUFFIX:
-        raise ValueError(f"{chosen.out.name}: a pack of views must end in {SUFFIX}")
-    require_writable(chosen.out)
-    _, entries = index_objects(chosen.folders)
-    packed = pack_datasets(chosen.folders, chosen.out, chosen.size, chosen.quality)
+    if args.out.suffix != SUFFIX:
+        raise ValueError(f"{args.out.name}: a pack of views must end in {SUFFIX}")
+    require_writable(args.out)
+    _, entries = index_objects(args.folders)
+    packed = pack_datasets(args.folders, args.out, args.size, args.quality)
     run_with_progress(packed, len(entries), "object")
 
 
-def _render(chosen: argparse.Namespace, tasks: Sequence[RenderTask], split: Split) -> None:
-    views = chosen.views or _DEFAULT_VIEWS[split]
-    rendered = render_objects(tasks, chosen.out, chosen.category, split, views, chosen.size)
+def _render(args: argparse.Namespace, tasks: Sequence[RenderTask], split: Split) -> None:
+    views = args.views or _DEFAULT_VIEWS[split]
+    rendered = render_objects(tasks, args.out, args.category, split, views, args.size)
     run_with_progress(rendered, len(tasks), "object")
 
 
-def train(chosen: argparse.Namespace) -> None:
+def train(args: argparse.Namespace) -> None:
     """Run ``train``: train a model on datasets, regularly saving it, its state and its curve."""
-    require_writable(chosen.out)
-    initial = load_model(chosen.init) if chosen.init else None
-    with training_processes(chosen.device) as processes:
+    require_writable(args.out)
+    initial = load_model(args.init) if args.init else None
+    with training_processes(args.device) as processes:
         if not processes.is_first:  # neither writes nor prints, and keeps no images
-            for _ in _start_training(chosen, initial, processes)[0].steps():
+            for _ in _start_training(args, initial, processes)[0].steps():
                 pass
             return
-        trainer, training, held_out = _start_training(chosen, initial, processes)
-        _train_and_save(chosen, trainer, held_out)
+        trainer, training, held_out = _start_training(args, initial, processes)
+        _train_and_save(args, trainer, held_out)
     model = trainer.model()
     if initial and initial.viewpoint_classifier:
         model = replace(model, viewpoint_classifier=initial.viewpoint_classifier)
-    elif chosen.recipe == "default":
-        steps = max(1, chosen.steps // _VIEWPOINT_FRACTION)
-        model = _with_viewpoint(model, training, steps, chosen.seed)
-    _save_complete(model, chosen.out)
+    elif args.recipe == "default":
+        steps = max(1, args.steps // _VIEWPOINT_FRACTION)
+        model = _with_viewpoint(model, training, steps, args.seed)
+    _save_complete(model, args.out)
 
 
 def _start_training(
-    chosen: argparse.Namespace, initial: Model | None, processes: Processes
+    args: argparse.Namespace, initial: Model | None, processes: Processes
 ) -> tuple[Trainer, Dataset, Dataset]:
     """Return the trainer, resumed if so chosen, and the datasets to train on and to measure on."""
-    recipe = RECIPES[chosen.recipe]
-    rays = chosen.rays or recipe.rays
-    field = _field_config(chosen, recipe.field, initial)
-    settings = replace(recipe, field=field, steps=chosen.steps, rays=rays, seed=chosen.seed)
-    training, held_out = hold_out(read_dataset(chosen.datasets, chosen.shares, chosen.pose_scale))
+    recipe = RECIPES[args.recipe]
+    rays = args.rays or recipe.rays
+    field = _field_config(args, recipe.field, initial)
+    settings = replace(recipe, field=field, steps=args.steps, rays=rays, seed=args.seed)
+    training, held_out = hold_out(read_dataset(args.datasets, args.shares, args.pose_scale))
     if initial:
         has_codes = all(views.name in initial.codes.index for views in training.objects)
         settings = settings.finetuning if has_codes else settings.extending
-    trainer = Trainer(training, settings, chosen.device, processes)
+    trainer = Trainer(training, settings, args.device, processes)
     if initial:
         trainer.initialise_from(initial)
-    if chosen.resume:
-        trainer.load_state(_state_path(chosen))
+    if args.resume:
+        trainer.load_state(_state_path(args))
     return trainer, training, held_out
 
 
-def _state_path(chosen: argparse.Namespace) -> Path:
-    return chosen.out.with_suffix(".state")
+def _state_path(args: argparse.Namespace) -> Path:
+    return args.out.with_suffix(".state")
 
 
-def _train_and_save(chosen: argparse.Namespace, trainer: Trainer, held_out: Dataset) -> None:
+def _train_and_save(args: argparse.Namespace, trainer: Trainer, held_out: Dataset) -> None:
     """Train under a progress bar; regularly write the model, the run's state and its curve."""
-    curve = chosen.out.with_suffix(".curve.json")
-    points = read_curve(curve) if chosen.resume else []
-    with tqdm(total=chosen.steps, initial=trainer.step, unit="step", smoothing=0.01, disable=None) as bar:
+    curve = args.out.with_suffix(".curve.json")
+    points = read_curve(curve) if args.resume else []
+    with tqdm(total=args.steps, initial=trainer.step, unit="step", smoothing=0.01, disable=None) as bar:
         for step in trainer.steps():
             bar.update()
             if step.step % 100 == 0:
                 bar.set_postfix_str(f"rays {step.psnr:.2f} dB")
             if step.step % _CHECKPOINT_EVERY == 0 or step.step == step.steps:
                 model = trainer.model()
-                model.save(chosen.out)
-                trainer.save_state(_state_path(chosen))
+                model.save(args.out)
+                trainer.save_state(_state_path(args))
                 held_out_quality = held_out_psnr(model, held_out)
                 tqdm.write(f"step {step.step}: {held_out_quality:.2f} dB on held-out views, {step.seconds:.0f} s")
                 points.append(CurvePoint(step.step, step.seconds, held_out_quality))
-                write_curve(curve, chosen.out.stem, points)
+                write_curve(curve, args.out.stem, points)
 
 
-def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:
+def train_viewpoint_classifier(args: argparse.Namespace) -> None:
     """Run ``train-viewpoint``: train a model's viewpoint classifier, as ``train`` does last."""
-    require_writable(chosen.out)
-    model = load_model(chosen.model)
-    dataset = read_dataset(chosen.datasets, scale=chosen.pose_scale)
+    require_writable(args.out)
+    model = load_model(args.model)
+    dataset = read_dataset(args.datasets, scale=args.pose_scale)
     if model.category not in ("", dataset.category):
         raise ValueError(f"the dataset shows {dataset.category}, but the model {model.category}")
-    _save_complete(_with_viewpoint(model, dataset, chosen.steps, chosen.seed), chosen.out)
+    _save_complete(_with_viewpoint(model, dataset, args.steps, args.seed), args.out)
 
 
-def train_part_head(chosen: argparse.Namespace) -> None:
+def train_part_head(args: argparse.Namespace) -> None:
     """Run ``train-parts``: train a part head by that of another model."""
-    require_writable(chosen.out)
-    model = load_model(chosen.model)
-    teacher = load_model(chosen.labels)
-    places = list(tqdm(labelled_places(model, teacher, chosen.objects), desc="parts", unit="object", disable=None))
+    require_writable(args.out)
+    model = load_model(args.model)
+    teacher = load_model(args.labels)
+    places = list(tqdm(labelled_places(model, teacher, args.objects), desc="parts", unit="object", disable=None))
     assert teacher.part_head
     names = teacher.part_head.names
     training, validation = _split(places)
     features, labels = (torch.cat(values) for values in zip(*validation, strict=True))
     predicted = fit_part_head(names, training)(features).argmax(1)
     accuracy = 100 * float((predicted == labels).float().mean())
-    _save_complete(replace(model, part_head=fit_part_head(names, places)), chosen.out)
+    _save_complete(replace(model, part_head=fit_part_head(names, places)), args.out)
     print(f"{', '.join(names)}: {accuracy:.1f} % of the surface of {len(validation)} held-out objects")
 
 
@@ -184,22 +184,22 @@ def _split(objects: Sequence[_Object]) -> tuple[tuple[_Object, ...], tuple[_Obje
     return training or validation, validation
 
 
-def _field_config(chosen: argparse.Namespace, default: FieldConfig, initial: Model | None) -> FieldConfig:
+def _field_config(args: argparse.Namespace, default: FieldConfig, initial: Model | None) -> FieldConfig:
     """Return the network's configuration: from the options, or the initial model's."""
     if initial:
-        if chosen.width or chosen.latent or chosen.recipe != "default":
+        if args.width or args.latent or args.recipe != "default":
             raise ValueError("--init keeps its model's sizes and architecture: omit --width, --latent and --recipe")
         return initial.field.config
-    shape, texture = chosen.latent or (default.shape_latent, default.texture_latent)
-    return replace(default, width=chosen.width or default.width, shape_latent=shape, texture_latent=texture)
+    shape, texture = args.latent or (default.shape_latent, default.texture_latent)
+    return replace(default, width=args.width or default.width, shape_latent=shape, texture_latent=texture)
 
 
-def convert(chosen: argparse.Namespace) -> None:
+def convert(args: argparse.Namespace) -> None:
     """Run ``convert``: write a checkpoint of the authors' trainer as a model file."""
-    require_writable(chosen.out)
-    if chosen.out.suffix != ".safetensors":
-        raise ValueError(f"{chosen.out.name}: a model file must end in .safetensors")
-    model = load_authors(chosen.checkpoint, chosen.config)
-    _save_complete(model, chosen.out)
+    require_writable(args.out)
+    if args.out.suffix != ".safetensors":
+        raise ValueError(f"{args.out.name}: a model file must end in .safetensors")
+    model = load_authors(args.checkpoint, args.config)
+    _save_complete(model, args.out)
     lost = ", ".join(str(index) for index in sorted(model.codes.collapsed))
     print(f"{len(model.codes)} {model.category}" + (f"; excluded as nearly empty: {lost}" if lost else ""))
