@@ -30,6 +30,15 @@ PROJECTS = (SUFFIX,)  # endings of project files
 MODELS = (".safetensors", ".pth", ".pt")  # endings of model files
 
 
+@dataclass
+class Hints:
+    """Drawings over the object in the view's next frame, for panels with something under the mouse."""
+
+    ring: tuple[float, ...] = ()  # azimuths of photos, rad, for a ring on the ground
+    shows_size: bool = False  # a box around the object
+    overlay: np.ndarray | None = None  # square RGBA pixels
+
+
 @dataclass(eq=False)
 class PanelContext:
     """The context that every panel is drawn with. Canvases, images and fonts exist once the window does."""
@@ -49,9 +58,7 @@ class PanelContext:
     dragged: str = ""  # name of the object that is dragged onto B
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # upper left and lower right corner of the view, px
     covered: float = 0.0  # px of the view's lower edge that the history covers
-    shows_size: bool = False  # draw a box around the object in the next frame
-    overlay: np.ndarray | None = None  # square RGBA pixels to draw over the object in the next frame
-    ring: tuple[float, ...] = ()  # azimuths (rad) of photos, for the ring around the object in the next frame
+    hints: Hints = field(default_factory=Hints)
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None
     fold_panels: Callable[[], None] = lambda: None

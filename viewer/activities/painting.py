@@ -9,12 +9,12 @@ import torch
 from core.detail.progressive import Frame
 from core.editing.paint import CoarsePaint, Paint, paint_parts
 from core.edits.paint import Rgb
-from core.geometry.camera import Camera
 from core.models.model import Instance
 from viewer.activities.reshaping import Reshaping
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import BACKGROUND_WEIGHT, Jobs
+from viewer.services.latest import Latest
 from viewer.services.messages import MessageKind
 from viewer.services.worker import Job
 
@@ -41,9 +41,13 @@ class Painting:
         self._part = ""  # chosen part
         self._largest: tuple[Instance, str] | None = None  # an object as fitted, and its largest part when first seen
         self._drag: _Choice | None = None  # the latest choice of a drag in progress
-        self._coarse: tuple[Frame, str, CoarsePaint | None] | None = None  # frame, part, and paint once it is found
         self._due: tuple[_Choice, ...] = ()  # that the object does not have yet; it is being painted with the first
-        self._measured: tuple[Instance, str, Rgb | None] | None = None  # object, part, and the part's colour if known
+        problem = "Cannot show the paint"
+        self._coarse = Latest[tuple[Frame, str], CoarsePaint](jobs, "coarse paint", problem, urgent=True)
+        problem = "Cannot find the paint"  # but of an object without a surface, which has no colour
+        self._measured = Latest[tuple[Instance, str], Rgb](
+            jobs, "paint colour", problem, weight=BACKGROUND_WEIGHT, silent=ValueError
+        )
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -80,30 +84,16 @@ class Painting:
         chosen = [choice.paint.colour for choice in choices if choice.paint.part == part and choice.suits(instance)]
         if chosen:
             return chosen[-1]
-        before, of_part, colour = self._measured or (None, "", None)
-        if before != instance or of_part != part:
-            is_same = before and of_part == part and before.codes.texture_key == instance.codes.texture_key
-            colour = colour if is_same else None
-            view = self._viewport
-            if view.full_frame and view.frame_request and view.frame_request.instance == instance:
-                self._measured = instance, part, colour
-                self._measure(instance, part)
-        return colour
-
-    def _measure(self, instance: Instance, part: str) -> None:
-        """Begin to measure a part's colour in the background."""
 
         def stream() -> Iterator[Rgb | None]:
             yield (yield from self._jobs.backend.paint_colour(instance, part))
 
-        def keep(colour: Rgb) -> None:
-            self._measured = instance, part, colour
-
-        def ended(error: Exception | None) -> None:
-            if not isinstance(error, ValueError):  # an object without a surface has no colour
-                self._jobs.reporting("Cannot find the paint")(error)
-
-        self._jobs.submit(Job("paint colour", stream, keep, ended, weight=BACKGROUND_WEIGHT))
+        request = self._viewport.frame_request
+        asks = self._viewport.full_frame is not None and request is not None and request.instance == instance
+        colour = self._measured.of((instance, part), stream, asks)
+        before, of_part = self._measured.inputs or (instance, "")
+        is_same = of_part == part and before.codes.texture_key == instance.codes.texture_key
+        return self._measured.value if is_same else colour
 
     @property
     def is_original(self) -> bool:
@@ -153,30 +143,19 @@ class Painting:
             return
         frame, crop = view.full_frame
         part = choice.paint.part
-        if self._coarse is None or self._coarse[:2] != (frame, part):
-            self._find_coarse(frame, crop.camera, choice)
-        elif coarse := self._coarse[2]:
-            view.repainted = replace(frame, image=coarse.repainted(choice.paint.colour))
-
-    def _find_coarse(self, frame: Frame, camera: Camera, choice: _Choice) -> None:
-        """Begin to find where a frame of an object, seen from ``camera``, has paint."""
-        self._coarse = frame, choice.paint.part, None
-        find = self._jobs.backend.coarse_paint
-
-        def found(coarse: CoarsePaint) -> None:
-            self._coarse = frame, choice.paint.part, coarse
 
         def stream() -> Iterator[CoarsePaint]:
-            yield find(choice.instance, camera, frame, choice.paint.part)
+            yield self._jobs.backend.coarse_paint(choice.instance, crop.camera, frame, part)
 
-        ended = self._jobs.reporting("Cannot show the paint")
-        self._jobs.submit(Job("coarse paint", stream, found, ended, urgent=True))
+        if coarse := self._coarse.of((frame, part), stream):
+            view.repainted = replace(frame, image=coarse.repainted(choice.paint.colour))
 
     def close(self) -> None:
         """Stop painting."""
         self._drag = None
         self._set_due(())
-        self._jobs.cancel("paint colour", "coarse paint")
+        self._measured.close()
+        self._coarse.close()
 
     def _set_due(self, due: tuple[_Choice, ...]) -> None:
         """Set the paints that the object is about to take, in order."""
@@ -204,8 +183,7 @@ class Painting:
                 self._jobs.messages.notify("The paint was left out, as you had gone on: paint again", MessageKind.NOTE)
                 return
             editor.edit(editor.scene.instance.with_texture(painted))
-            self._jobs.cancel("paint colour")  # of the object before
-            self._measured = editor.scene.instance, choice.paint.part, choice.paint.colour
+            self._measured.set((editor.scene.instance, choice.paint.part), choice.paint.colour)
 
         def ended(error: Exception | None) -> None:
             self._jobs.reporting("Cannot paint")(error)

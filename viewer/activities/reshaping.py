@@ -17,7 +17,7 @@ from viewer.activities.sizing import Sizing
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import TILES_WEIGHT, Jobs
-from viewer.services.worker import Job
+from viewer.services.latest import Latest
 from viewer.values.orbit import PanelCrop
 from viewer.values.part_highlight import part_highlight
 from viewer.values.view_request import ViewRequest
@@ -76,8 +76,8 @@ class Reshaping:
         self._editor = editor
         self._viewport = viewport
         self._sizing = sizing
-        self._searched: ViewRequest | None = None  # image whose parts are known or being found
-        self._parts: VisibleParts | None = None
+        problem = "Cannot find the object's parts"
+        self._parts = Latest[ViewRequest, VisibleParts](jobs, "parts", problem, weight=TILES_WEIGHT)
         self._drag: Drag | None = None
         self.pull: Pull | None = None  # of the drag of a part's handle, once its direction is known
 
@@ -94,19 +94,10 @@ class Reshaping:
         is_due = view.source == "scene" and not (view.following or view.baked_frame or self._editor.history.gesture)
         if not is_due or view.full_frame is None or not view.full_frame[0].final or request != view.request:
             return None
-        if request is not self._searched and request != self._searched:
-            self._find_parts(request)
-        return self._parts
-
-    def _find_parts(self, request: ViewRequest) -> None:
-        assert self._viewport.full_frame is not None
-        frame, crop = self._viewport.full_frame
-        self._searched = request
-        self._parts = None
-        find = self._jobs.backend.part_map
+        frame, crop = view.full_frame
 
         def stream() -> Iterator[VisibleParts | None]:
-            regions = find(request.instance, crop.camera, frame, shown_box(crop))
+            regions = self._jobs.backend.part_map(request.instance, crop.camera, frame, shown_box(crop))
             yield None
             highlights = {}
             for part in {handle.part for handle in regions.handles}:
@@ -114,11 +105,7 @@ class Reshaping:
                 yield None
             yield VisibleParts(regions, crop, highlights)
 
-        def keep(visible: VisibleParts) -> None:
-            self._parts = visible
-
-        ended = self._jobs.reporting("Cannot find the object's parts")
-        self._jobs.submit(Job("parts", stream, keep, ended, weight=TILES_WEIGHT))
+        return self._parts.of(request, stream)
 
     # Drags
 
@@ -144,26 +131,34 @@ class Reshaping:
             self.follow(f"size {name}", lambda instance, to: resized(instance, natural, name, to), length)
 
     def drag_handle(self, handle: Handle, drag: Place) -> None:
-        """Resize the object as a part's handle is dragged, from where it was pressed; then call :meth:`release`.
-
-        Nothing happens once anything else changes the shape, such as undo.
+        """Resize the object as a part's handle is dragged, as :meth:`drag_length` once its direction is known.
 
         Args:
             drag: right and down, fractions of the view's shorter side.
         """
+        request = self._viewport.request
+        pixels = drag[0] * request.full, drag[1] * request.full
         natural = self._sizing.bounds
-        full = self._viewport.request.full
-        pixels = drag[0] * full, drag[1] * full
-        instance = self._editor.scene.instance
-        if self.pull is None and natural and math.hypot(*drag) >= _LEAST:
-            request = self._viewport.request
-            x, y, z = (
-                side * factor for side, factor in zip(handle.point, instance.codes.proportions or UNIT, strict=True)
-            )
-            camera = request.crop(request.full).camera
-            self.pull = find_pull(instance, natural, camera, handle.part, (x, y, z), pixels)
-        # Undo or a fit's result may show another shape while the handle is still held: that ends the drag.
-        if self.pull and (self._drag is None or _shape(self._drag.edited) == _shape(instance)):
+        pull = self.pull
+        if pull is None and natural and math.hypot(*drag) >= _LEAST:
+            instance = self._editor.scene.instance
+            factors = instance.codes.proportions or UNIT
+            x, y, z = (side * factor for side, factor in zip(handle.point, factors, strict=True))
+            pull = find_pull(instance, natural, request.crop(request.full).camera, handle.part, (x, y, z), pixels)
+        if pull:
+            self.drag_length(pull, pixels)
+
+    def drag_length(self, pull: Pull, pixels: tuple[float, float]) -> None:
+        """Change a length by a drag from where it was pressed; then call :meth:`release`.
+
+        Nothing happens once anything else changes the shape, such as undo or a fit's result.
+
+        Args:
+            pull: that of the first call counts.
+            pixels: right and down, px of the view's image.
+        """
+        self.pull = self.pull or pull
+        if self._drag is None or _shape(self._drag.edited) == _shape(self._editor.scene.instance):
             self.resize(self.pull.name, self.pull.to(pixels))
 
     @property

@@ -1,7 +1,7 @@
 """A preview of the file to share, and the time that saving will take."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 
 from core.detail.progressive import RenderJob, RenderSettings
 from core.export.dimensions import draw_dimensions
@@ -10,11 +10,12 @@ from core.export.video_frames import FEW_PIXELS, FEW_SAMPLES, Image, over, rende
 from core.geometry.camera import Camera
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
-from viewer.services.worker import Job
+from viewer.services.latest import Latest
 from viewer.values.share_settings import WIDE, ShareSettings
 
 _SIZE = 256  # px, width
 _NAME = "share preview"  # job
+_Preview = tuple[Image, float | None]  # on transparent; and estimated time of saving the file, s, if known
 
 
 class SharePreview:
@@ -23,22 +24,25 @@ class SharePreview:
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
         self._jobs = jobs
         self._editor = editor
-        self.image: Image | None = None  # on transparent; None until it is rendered
-        self.seconds: float | None = None  # estimated time of saving the file; None if unknown
-        self._inputs: tuple[object, ...] = ()  # of the current or next image
+        problem = "Cannot render the preview"
+        self._preview = Latest[tuple[Hashable, ...], _Preview](jobs, _NAME, problem, urgent=True)
+
+    @property
+    def image(self) -> Image | None:
+        """The newest image, on transparent; None until one is rendered."""
+        return self._preview.value[0] if self._preview.value else None
+
+    @property
+    def seconds(self) -> float | None:
+        """The estimated time of saving the file; None if unknown."""
+        return self._preview.current and self._preview.current[1]
 
     def update(self, settings: ShareSettings) -> None:
         """Update the preview; call once a frame while it is visible."""
         scene = self._editor.scene
         partner = self._editor.film_partner
-        looks = settings.kind, settings.wide, settings.size, settings.shows_shadow, settings.unit
-        inputs = scene, partner, *looks
-        if inputs == self._inputs or self._editor.history.gesture:
-            return
-        self._inputs = inputs
-        self.seconds = None
 
-        def stream() -> Iterator[tuple[Image, float | None] | None]:
+        def stream() -> Iterator[_Preview | None]:
             views = settings.views(scene, partner)
             work = {"page": FEW_PIXELS, "mesh": 0}.get(settings.kind, rendered_pixels(views))
             camera = views[0].camera.resized(_SIZE, round(_SIZE / WIDE) if settings.wide else _SIZE)
@@ -55,10 +59,8 @@ class SharePreview:
             shows = settings.unit and settings.kind in ("page", "picture")
             return draw_dimensions(image, View(scene.instance, camera), settings.unit) if shows else image
 
-        def rendered(preview: tuple[Image, float | None]) -> None:
-            self.image, self.seconds = preview
-
-        self._jobs.submit(Job(_NAME, stream, rendered, self._jobs.reporting("Cannot render the preview"), urgent=True))
+        looks = settings.kind, settings.wide, settings.size, settings.shows_shadow, settings.unit
+        self._preview.of((scene, partner, *looks), stream, asks=not self._editor.history.gesture)
 
     @property
     def stale(self) -> bool:
@@ -67,5 +69,4 @@ class SharePreview:
 
     def close(self) -> None:
         """Stop rendering."""
-        self._jobs.cancel(_NAME)
-        self._inputs = ()
+        self._preview.close()

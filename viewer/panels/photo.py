@@ -105,7 +105,7 @@ def _draw_object(context: PanelContext, history: FitHistory) -> None:
         _draw_again(context, fitting, history)
     _draw_verdict(context, fitting, history)
     if detail := session.editor.scene.instance.detail:
-        context.ring = detail.azimuths
+        context.hints.ring = detail.azimuths
         draw_unseen_side(context, history, detail)
         _draw_tools(context, detail)
     draw_paint(context)

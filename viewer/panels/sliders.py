@@ -1,5 +1,7 @@
 """The panel of sliders along the principal directions of shape and texture that have a word."""
 
+from functools import lru_cache
+
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.detail.progressive import Frame
@@ -13,7 +15,7 @@ from viewer.values import orbit
 from viewer.values.direction import Direction
 from viewer.values.influence import CodeInfluence
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import action_button, begin_tooltip_beside, button, flow
+from viewer.widgets.controls import action_button, begin_tooltip_beside, button, end_gesture, flow
 from viewer.widgets.size_row import draw_size
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 
@@ -22,6 +24,7 @@ _RESET = icons_fontawesome_4.ICON_FA_UNDO
 _LOCKS = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
 _PREVIEWS = (0.0, 0.5, 1.0)  # places along a slider
 _INFLUENCE = 96  # px, side of the compared renders
+_influence = lru_cache(1)(CodeInfluence.between)  # of the two ends of a slider
 _HELP = "Ctrl+click to type, right click for the middle"
 
 
@@ -33,8 +36,7 @@ class SlidersPanel(Panel):
 
     def __init__(self) -> None:
         self._basis: Instance | None = None  # base of the thumbnails: the object before the drag began
-        self._compared: tuple[Frame, Frame] | None = None  # the object at less and at more of a direction
-        self.influence: CodeInfluence | None = None  # the difference between these
+        self.influence: CodeInfluence | None = None  # the newest, of a slider under the mouse
 
     def draw(self, context: PanelContext) -> None:
         """Draw the buttons (random, reset, locks), the size, then the sliders."""
@@ -80,8 +82,7 @@ class SlidersPanel(Panel):
         moved, to = imgui.slider_float(f"##{key}", value, low, high, "", imgui.SliderFlags_.always_clamp)
         if moved and abs(to - value) > 1e-6:
             context.session.reshaping.follow(key, direction.moved, to)
-        if imgui.is_item_deactivated():
-            context.session.reshaping.release()
+        end_gesture(context)
         if imgui.is_item_clicked(imgui.MouseButton_.right):
             editor.move_along(direction, (low + high) / 2)
         if imgui.is_item_hovered() and not imgui.is_item_active():
@@ -100,10 +101,8 @@ class SlidersPanel(Panel):
         low, high = (_preview(context, direction, instance, to, camera) for to in direction.reach(instance))
         if low is None or high is None:
             return ""
-        if self.influence is None or self._compared != (low, high):
-            self._compared = (low, high)
-            self.influence = CodeInfluence.between(low, high)
-        context.overlay = self.influence.image
+        self.influence = _influence(low, high)
+        context.hints.overlay = self.influence.image
         moves = "moves" if self.influence.leak > 0 else "stays, exactly"
         return f"\nThe glow over the object shows where. Its outline {moves}."
 

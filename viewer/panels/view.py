@@ -1,17 +1,19 @@
 """The panel of the view: the image of the scene, with its mouse, keys, buttons and badge."""
 
+from functools import lru_cache
+
+import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.detail.progressive import Frame
 from viewer.actions import ACTIONS, chords, is_pressed, is_typed, run_keys
-from viewer.activities.viewport import Viewport
-from viewer.context import Panel, PanelContext
+from viewer.context import Hints, Panel, PanelContext
 from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, WARM, packed
 from viewer.values import orbit
 from viewer.values.view_modes import USUAL_MODES, in_mode
 from viewer.widgets.controls import action_button, button, end_gesture, tooltip
 from viewer.widgets.over_view import OverView
-from viewer.widgets.size_box import SizeBox
+from viewer.widgets.size_box import draw_size_box
 from viewer.widgets.text import paint_on_plate
 from viewer.widgets.welcome import Welcome
 
@@ -40,10 +42,8 @@ class ViewPanel(Panel):
     def __init__(self) -> None:
         self._welcome = Welcome()
         self._over = OverView()
-        self._size_box = SizeBox()
         self._pans = False  # the middle or right button was pressed in the view, and is held
         self._covered = 0  # px of the view's lower edge that the welcome card or the history covers
-        self._cached: tuple[Frame, str, Frame] | None = None  # a frame, a mode, and the frame in that mode
 
     def draw(self, context: PanelContext) -> None:
         """Draw the image, react to mouse and keys, and draw buttons, hint, welcome card and badge."""
@@ -51,6 +51,8 @@ class ViewPanel(Panel):
         room = imgui.get_content_region_avail()
         size = ImVec2(max(room.x, 32), max(room.y, 32))
         context.view = corner, corner + size
+        hints = context.hints
+        context.hints = Hints()
         begins = self._welcome.is_due(context)
         pixels = self._resize(context, size, begins)
         frame = context.session.viewport.frame
@@ -58,14 +60,14 @@ class ViewPanel(Panel):
             _note(corner + size * 0.5, "Rendering …")
             return
         draw = imgui.get_window_draw_list()
-        texture = self._texture(context, pixels)
+        texture = _texture(context, pixels, hints.ring)
         draw.add_image_rounded(texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, hello_imgui.em_size(0.4))
-        _draw_overlay(context, corner, size)
+        _draw_overlay(context, hints.overlay, corner, size)
         # Buttons first: a press in the frame that moves the mouse onto one is that button's. They are drawn on top.
         draw.channels_split(2)
         draw.channels_set_current(1)
         _draw_buttons(context, corner, size)
-        self._size_box.draw(context, corner, size)
+        draw_size_box(context, corner, size, hints.shows_size)
         self._over.draw_handle(context, corner, size)
         draw.channels_set_current(0)
         imgui.set_cursor_screen_pos(corner)
@@ -91,28 +93,6 @@ class ViewPanel(Panel):
         covered = min(self._covered, pixels[1] // _COVERED)
         context.session.viewport.change(panel=pixels, covered=covered, opengl=context.fast_opengl)
         return pixels
-
-    def _texture(self, context: PanelContext, pixels: tuple[int, int]) -> imgui.ImTextureRef:
-        """Return the texture of the baked object if OpenGL draws it now, else of the newest frame."""
-        viewport = context.session.viewport
-        assert context.canvas and context.baked_canvas and viewport.full_frame
-        ring = context.ring
-        context.ring = ()
-        if viewport.baked_frame and viewport.baked:
-            return context.baked_canvas.draw(viewport.baked, viewport.baked_frame, context.palette, ring)
-        shadow = viewport.settings.mode == "colour"
-        frame = self._in_mode(viewport)
-        return context.canvas.draw(frame, viewport.full_frame[1], pixels, context.palette, shadow, ring)
-
-    def _in_mode(self, viewport: Viewport) -> Frame:
-        """Return the newest frame in the view's mode and the paint being chosen; cached."""
-        assert viewport.full_frame is not None
-        frame, crop = viewport.full_frame
-        mode = viewport.settings.mode
-        frame = viewport.repainted or frame
-        if self._cached is None or self._cached[:2] != (frame, mode):
-            self._cached = frame, mode, crop.cropped(in_mode(frame, crop.camera, mode))
-        return self._cached[2]
 
     def _react(self, context: PanelContext, size: ImVec2) -> None:
         editor = context.session.editor
@@ -168,16 +148,32 @@ class ViewPanel(Panel):
         context.session.editor.end_gesture()
 
 
+def _texture(context: PanelContext, pixels: tuple[int, int], ring: tuple[float, ...]) -> imgui.ImTextureRef:
+    """Return the texture of the baked object if OpenGL draws it now, else of the newest frame."""
+    viewport = context.session.viewport
+    assert context.canvas and context.baked_canvas and viewport.full_frame
+    if viewport.baked_frame and viewport.baked:
+        return context.baked_canvas.draw(viewport.baked, viewport.baked_frame, context.palette, ring)
+    frame, crop = viewport.full_frame
+    mode = viewport.settings.mode
+    shown = _in_mode(viewport.repainted or frame, crop, mode)
+    return context.canvas.draw(shown, crop, pixels, context.palette, mode == "colour", ring)
+
+
+@lru_cache(1)
+def _in_mode(frame: Frame, crop: orbit.PanelCrop, mode: str) -> Frame:
+    """Return the shown part of a frame in a mode of the view."""
+    return crop.cropped(in_mode(frame, crop.camera, mode))
+
+
 def _motion(size: ImVec2) -> ImVec2:
     """Return the mouse's motion since the last frame, right and down, as fractions of the view's shorter side."""
     io = imgui.get_io()
     return io.mouse_delta * ((_FINE if io.key_shift else 1.0) / min(size.x, size.y))
 
 
-def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-    """Draw the overlay that a panel has set over the object, and remove it."""
-    image = context.overlay
-    context.overlay = None
+def _draw_overlay(context: PanelContext, image: np.ndarray | None, corner: ImVec2, size: ImVec2) -> None:
+    """Draw square pixels over the object."""
     if image is not None and context.images and context.session.viewport.source == "scene":
         side = min(size.x, size.y)
         pan = context.session.viewport.settings.offset
