@@ -48,8 +48,8 @@ def tooltip(text: str, above: bool = True) -> None:
 
 def begin_tooltip_beside() -> bool:
     """Begin a tooltip at the left of the panel, without covering it; if True, call imgui's ``end_tooltip``."""
-    place = ImVec2(imgui.get_window_pos().x - hello_imgui.em_size(), imgui.get_item_rect_min().y)
-    imgui.set_next_window_pos(place, imgui.Cond_.always, (1, 0))
+    beside = ImVec2(imgui.get_window_pos().x - hello_imgui.em_size(), imgui.get_item_rect_min().y)
+    imgui.set_next_window_pos(beside, imgui.Cond_.always, (1, 0))
     is_open = imgui.begin_tooltip()
     if is_open:
         _keep_off_messages()
@@ -86,7 +86,7 @@ def begin_dialog(title: str) -> tuple[bool, bool]:
 def end_gesture(context: PanelContext) -> None:
     """End the drag of imgui's last item on release: the next edit is another step of undo."""
     if imgui.is_item_deactivated():
-        context.session.editor.end_gesture()
+        context.session.reshaping.release()
 
 
 def button(label: str, text: str, width: float = 0.0, enabled: bool = True, colour: Colour | None = None) -> bool:

@@ -40,32 +40,32 @@ class PartHandle:
         if self._lit is None:
             return
         visible, handle = self._lit
-        across, down = visible.place_of(handle)
-        place = corner + ImVec2(across * size.x, down * size.y)
+        x, y = visible.place_of(handle)
+        middle = corner + ImVec2(x * size.x, y * size.y)
         if self._is_held:
-            place += imgui.get_mouse_drag_delta(0, 0.0)
+            middle += imgui.get_mouse_drag_delta(0, 0.0)
         else:
             _draw_glow(context, visible, handle, corner, size)
-        self._draw_handle(context, handle, place, corner)
+        self._draw_handle(context, handle, middle, corner)
 
-    def _draw_handle(self, context: PanelContext, handle: Handle, place: ImVec2, corner: ImVec2) -> None:
-        """Draw handle and name as one button, ``place`` being the handle's middle."""
+    def _draw_handle(self, context: PanelContext, handle: Handle, middle: ImVec2, corner: ImVec2) -> None:
+        """Draw handle and name as one button, ``middle`` being the handle's middle."""
         em = hello_imgui.em_size()
         draw = imgui.get_window_draw_list()
         label = self._label(context, handle)
         extent = imgui.calc_text_size(label)
         pad = ImVec2(0.5 * em, 0.2 * em)
-        low = place - ImVec2(extent.x / 2 + pad.x, (_RADIUS + _GAP) * em + extent.y + 2 * pad.y)
+        low = middle - ImVec2(extent.x / 2 + pad.x, (_RADIUS + _GAP) * em + extent.y + 2 * pad.y)
         low = ImVec2(max(low.x, corner.x), max(low.y, corner.y))
         high = low + extent + pad * 2
         reach = ImVec2(1.3 * _RADIUS * em, 1.3 * _RADIUS * em)
-        for name, least, most in (("handle", place - reach, place + reach), ("part name", low, high)):
-            imgui.set_cursor_screen_pos(least)
-            imgui.invisible_button(name, most - least)
+        for name, start, end in (("handle", middle - reach, middle + reach), ("part name", low, high)):
+            imgui.set_cursor_screen_pos(start)
+            imgui.invisible_button(name, end - start)
             self._react(context, handle)
         colour = packed(context.palette.accent if self._hovered else ON_PLATE)
-        draw.add_circle_filled(place, _RADIUS * em, packed(PLATE, PLATE_OPACITY))
-        draw.add_circle_filled(place, 0.62 * _RADIUS * em, colour)
+        draw.add_circle_filled(middle, _RADIUS * em, packed(PLATE, PLATE_OPACITY))
+        draw.add_circle_filled(middle, 0.62 * _RADIUS * em, colour)
         paint_on_plate(low + pad, label, pad)
 
     def _label(self, context: PanelContext, handle: Handle) -> str:
@@ -120,8 +120,8 @@ class PartHandle:
         elif any(io.mouse_delta):
             self._moved = time.monotonic()
         elif time.monotonic() - self._moved > _REST and not self._hovered:
-            place = io.mouse_pos - corner
-            handle = visible.handle_at((place.x / size.x, place.y / size.y))
+            mouse = io.mouse_pos - corner
+            handle = visible.handle_at((mouse.x / size.x, mouse.y / size.y))
             self._lit = (visible, handle) if handle else None
         if self._lit != lit:
             hello_imgui.request_refresh()

@@ -13,6 +13,7 @@ from core.geometry.camera import Camera
 from core.models.model import Instance
 from viewer.context import PanelContext
 from viewer.screen.theme import ON_PLATE, packed
+from viewer.widgets.controls import end_gesture
 from viewer.widgets.text import paint_on_plate
 
 _CORNERS = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
@@ -28,51 +29,38 @@ class _Grip(NamedTuple):
     pull: Pull
 
 
-class SizeBox:
-    """The box, drawn while the tool is *size* or the size's rows are under the mouse."""
+def draw_size_box(context: PanelContext, corner: ImVec2, size: ImVec2, is_hinted: bool) -> None:
+    """Draw the box over the view, if it is hinted at or the tool *size*, which has handles, too."""
+    natural = context.session.sizing.bounds
+    if context.session.viewport.source != "scene" or natural is None:
+        return
+    is_tool = context.tool == "size"
+    projection = _Projection.of(context, corner, size)
+    instance = context.session.editor.scene.instance
+    if is_tool or is_hinted:
+        _draw_edges(context, projection, shown_bounds(instance, natural))
+    is_free = "shape" not in context.session.editor.locked
+    for grip in _grips(instance, natural, projection) if is_tool and is_free else ():
+        _draw_grip(context, grip, projection.scale)
 
-    def __init__(self) -> None:
-        self._held: tuple[Pull, ImVec2] | None = None  # dragged length and mouse when the drag began
 
-    def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-        """Draw the box over the view, and its handles if it is the current tool."""
-        is_hinted = context.shows_size
-        context.shows_size = False
-        natural = context.session.sizing.bounds
-        if context.session.viewport.source != "scene" or natural is None:
-            return
-        is_tool = context.tool == "size"
-        projection = _Projection.of(context, corner, size)
-        instance = context.session.editor.scene.instance
-        if is_tool or is_hinted:
-            _draw_edges(context, projection, shown_bounds(instance, natural))
-        is_free = "shape" not in context.session.editor.locked
-        for grip in _grips(instance, natural, projection) if is_tool and is_free else ():
-            self._draw_grip(context, grip, projection.scale)
-
-    def _draw_grip(self, context: PanelContext, grip: _Grip, scale: float) -> None:
-        """Draw a handle; ``scale`` is in px on screen per px of the image."""
-        radius = hello_imgui.em_size(_RADIUS)
-        mouse = imgui.get_mouse_pos()
-        reshaping = context.session.reshaping
-        imgui.set_cursor_screen_pos(grip.middle - ImVec2(1.5 * radius, 1.5 * radius))
-        imgui.invisible_button(f"##size {grip.key}", (3 * radius, 3 * radius))
-        if imgui.is_item_activated():
-            self._held = grip.pull, mouse
-        if imgui.is_item_active() and self._held and any(imgui.get_io().mouse_delta):
-            pull, start = self._held
-            drag = (mouse - start) / scale
-            reshaping.resize(pull.name, pull.to((drag.x, drag.y)))
-        if imgui.is_item_deactivated():
-            reshaping.release()
-        active = imgui.is_item_hovered() or imgui.is_item_active()
-        draw = imgui.get_window_draw_list()
-        draw.add_circle_filled(grip.middle, radius * (1.3 if active else 1.0), packed(context.palette.accent))
-        draw.add_circle(grip.middle, radius * (1.3 if active else 1.0), packed(ON_PLATE), thickness=1.5)
-        length = f"{grip.pull.length:.3g} cm"
-        words = f"{grip.pull.name.capitalize()} {length}" if active else length
-        low = grip.middle + ImVec2(2 * radius, -imgui.get_text_line_height() / 2)
-        paint_on_plate(low, words, ImVec2(0.3, 0.1) * hello_imgui.em_size())
+def _draw_grip(context: PanelContext, grip: _Grip, scale: float) -> None:
+    """Draw a handle; ``scale`` is in px on screen per px of the image."""
+    radius = hello_imgui.em_size(_RADIUS)
+    imgui.set_cursor_screen_pos(grip.middle - ImVec2(1.5 * radius, 1.5 * radius))
+    imgui.invisible_button(f"##size {grip.key}", (3 * radius, 3 * radius))
+    if imgui.is_item_active() and any(imgui.get_io().mouse_delta):
+        drag = imgui.get_mouse_drag_delta(0, 0.0) / scale
+        context.session.reshaping.drag_length(grip.pull, (drag.x, drag.y))
+    end_gesture(context)
+    active = imgui.is_item_hovered() or imgui.is_item_active()
+    draw = imgui.get_window_draw_list()
+    draw.add_circle_filled(grip.middle, radius * (1.3 if active else 1.0), packed(context.palette.accent))
+    draw.add_circle(grip.middle, radius * (1.3 if active else 1.0), packed(ON_PLATE), thickness=1.5)
+    length = f"{grip.pull.length:.3g} cm"
+    words = f"{grip.pull.name.capitalize()} {length}" if active else length
+    low = grip.middle + ImVec2(2 * radius, -imgui.get_text_line_height() / 2)
+    paint_on_plate(low, words, ImVec2(0.3, 0.1) * hello_imgui.em_size())
 
 
 def _grips(instance: Instance, natural: Bounds, projection: "_Projection") -> list[_Grip]:
@@ -80,21 +68,21 @@ def _grips(instance: Instance, natural: Bounds, projection: "_Projection") -> li
     box = shown_bounds(instance, natural)
     right, _, _, eye = projection.camera.pose()[:3].T.tolist()
     middle = [(low + high) / 2 for low, high in zip(box.low, box.high, strict=True)]
-    places = dict[str, tuple[str, Point]]()
+    handles = dict[str, tuple[str, Point]]()
     for axis, name in enumerate(SIDES):
         for outwards, end in ((-1, box.low), (1, box.high)):
             is_top = (axis, outwards) == (2, 1)
             if is_top or outwards * (eye[axis] - end[axis]) > 0:
                 face = [*middle[:axis], end[axis], *middle[axis + 1 :]]
-                places[f"{axis} {outwards}"] = name, (face[0], face[1], face[2])
+                handles[f"{axis} {outwards}"] = name, (face[0], face[1], face[2])
     portion = portion_of(instance.model)
     if portion and box.plane is not None:
-        place = max(_ring(box), key=lambda corner: right[0] * corner[0] + right[1] * corner[1])
-        places[portion.name] = portion.name, place
+        point = max(_ring(box), key=lambda corner: right[0] * corner[0] + right[1] * corner[1])
+        handles[portion.name] = portion.name, point
     grips = []
-    for key, (name, place) in places.items():
-        if pull := pull_on(instance, natural, projection.camera, name, place):
-            grips.append(_Grip(key, projection.on_screen(place)[0], pull))
+    for key, (name, point) in handles.items():
+        if pull := pull_on(instance, natural, projection.camera, name, point):
+            grips.append(_Grip(key, projection.on_screen(point)[0], pull))
     return grips
 
 
@@ -121,18 +109,18 @@ class _Projection(NamedTuple):
 
     def on_screen(self, *points: Sequence[float]) -> list[ImVec2]:
         """Return the places (px on screen) of points in the world."""
-        places = self.camera.project(torch.tensor(points)).tolist()
-        return [self.corner + ImVec2(x * self.scale, y * self.scale) for x, y in places]
+        pixels = self.camera.project(torch.tensor(points)).tolist()
+        return [self.corner + ImVec2(x * self.scale, y * self.scale) for x, y in pixels]
 
 
 def _draw_edges(context: PanelContext, projection: _Projection, box: Bounds) -> None:
     points = [tuple((box.low, box.high)[number][axis] for axis, number in enumerate(corner)) for corner in _CORNERS]
-    places = projection.on_screen(*points)
+    corners = projection.on_screen(*points)
     draw = imgui.get_window_draw_list()
     colour = packed(context.palette.accent, 0.8)
     for first, second in _EDGES:
-        draw.add_line(places[first], places[second], colour, 1.5)
+        draw.add_line(corners[first], corners[second], colour, 1.5)
     if box.plane is not None:
         ring = projection.on_screen(*_ring(box))
-        for number, place in enumerate(ring):
-            draw.add_line(ring[number - 1], place, colour, 1.0)
+        for number, corner in enumerate(ring):
+            draw.add_line(ring[number - 1], corner, colour, 1.0)

@@ -5,7 +5,7 @@ from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 from core.editing.bounds import portion_of
 from core.editing.size import SIDES, lengths
 from viewer.context import PanelContext
-from viewer.widgets.controls import button, tooltip
+from viewer.widgets.controls import button, end_gesture, tooltip
 from viewer.widgets.text import heading
 
 _HANDLES = icons_fontawesome_4.ICON_FA_ARROWS_ALT
@@ -52,10 +52,9 @@ def _draw_length(context: PanelContext, name: str, unit: str, length: float) -> 
     moved, to = imgui.drag_float(f"##{title}", length, max(0.01, _SPEED * length / 100), 0.0, 0.0, text)
     if moved and length and to > 0 and abs(to - length) > 1e-6:
         context.session.reshaping.resize(name, to)
-    if imgui.is_item_deactivated():
-        context.session.reshaping.release()
+    end_gesture(context)
     if imgui.is_item_hovered() or imgui.is_item_active():
-        context.shows_size = True
+        context.hints.shows_size = True
     tooltip(f"{title} in cm: drag, or click to type")
 
 
