@@ -86,20 +86,20 @@ def lettering(
     thin = _thinness(closing + opening - 2 * image, allowed)
     painted = smooth_step((between - paint).abs().amax(0), *_OTHER_PAINT)
     strokes = (image - between).abs().amax(0) > _CONTRAST
-    places = _written(thin * painted > _THIN[0], thin > _THIN[1], strokes)
-    return functional.max_pool2d(resized(places[None].float(), flank), 3, 1, 1)[0].ceil()
+    letters = _written(thin * painted > _THIN[0], thin > _THIN[1], strokes)
+    return functional.max_pool2d(resized(letters[None].float(), flank), 3, 1, 1)[0].ceil()
 
 
 def without_lettering(
-    image: Float[Tensor, "3 h w"], places: Float[Tensor, "h w"], paint: Bool[Tensor, "h w"]
+    image: Float[Tensor, "3 h w"], letters: Float[Tensor, "h w"], paint: Bool[Tensor, "h w"]
 ) -> tuple[Float[Tensor, "3 h w"], Float[Tensor, "h w"]]:
     """Return the nearest paint to each place, and the share (0..1) of an image's colours that it replaces.
 
     Args:
         paint: places with the main paint.
     """
-    clean = continued(image, paint & (places == 0))
-    return blurred(clean, _EVEN), blurred(functional.max_pool2d(places[None], 3, 1, 1), _SOFT)[0]
+    clean = continued(image, paint & (letters == 0))
+    return blurred(clean, _EVEN), blurred(functional.max_pool2d(letters[None], 3, 1, 1), _SOFT)[0]
 
 
 def _thinness(thin: Float[Tensor, "3 h w"], allowed: Float[Tensor, "1 h w"]) -> Float[Tensor, "h w"]:
@@ -108,11 +108,11 @@ def _thinness(thin: Float[Tensor, "3 h w"], allowed: Float[Tensor, "1 h w"]) -> 
     Args:
         thin: thin dark strokes, minus thin light ones.
     """
-    down, across = torch.gradient(thin, dim=(1, 2))
-    products = torch.stack((across * across, across * down, down * down)).mean(1)
+    y, x = torch.gradient(thin, dim=(1, 2))
+    products = torch.stack((x * x, x * y, y * y)).mean(1)
     xx, xy, yy = blurred(allowed * products, _WINDOW) / blurred(allowed, _WINDOW).clamp_min(0.05)
-    least = (xx + yy) / 2 - (((xx - yy) / 2).square() + xy.square()).sqrt()
-    return allowed[0] * least.clamp_min(0).sqrt()
+    smaller = (xx + yy) / 2 - (((xx - yy) / 2).square() + xy.square()).sqrt()
+    return allowed[0] * smaller.clamp_min(0).sqrt()
 
 
 def _written(certain: Bool[Tensor, "h w"], possible: Bool[Tensor, "h w"], strokes: Bool[Tensor, "h w"]) -> Tensor:

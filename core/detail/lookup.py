@@ -80,8 +80,8 @@ class PhotoMaps:
 
     def level(self, camera: Camera) -> int:
         """Return the level of the fine map whose pixels are as large on the object as a camera's."""
-        own = self.camera.focal * self.fine[0].shape[1] / self.camera.height / self.camera.distance
-        ratio = own * camera.distance / camera.focal
+        pixels_per_unit = self.camera.focal * self.fine[0].shape[1] / self.camera.height / self.camera.distance
+        ratio = pixels_per_unit * camera.distance / camera.focal
         return max(0, min(len(self.fine) - 1, round(math.log2(max(ratio, 1e-6)))))
 
     def look_up(
@@ -106,8 +106,8 @@ class PhotoMaps:
         away = origins - origin
         local = away @ rotation.T
         scale = 2 * self.camera.focal / (-local[:, 2]).clamp_min(1e-6)
-        place = torch.stack((local[:, 0] * scale / self.camera.width, -local[:, 1] * scale / self.camera.height), -1)
-        surface = _sampled(self.surface, place)
+        uv = torch.stack((local[:, 0] * scale / self.camera.width, -local[:, 1] * scale / self.camera.height), -1)
+        surface = _sampled(self.surface, uv)
         distance = away.norm(dim=-1)
         ray = away / distance[:, None].clamp_min(1e-6)
         behind = (distance - surface[:, 3]).abs()
@@ -117,12 +117,12 @@ class PhotoMaps:
             factors = points.new_tensor(proportions)
             points = points * factors
             directions = functional.normalize(directions * factors, dim=-1)
-        along = (functional.normalize(points - origin, dim=-1) * directions).sum(-1)
-        same_side = torch.maximum(facing * steep, smooth_step(along, *BESIDE))
+        cosine = (functional.normalize(points - origin, dim=-1) * directions).sum(-1)
+        same_side = torch.maximum(facing * steep, smooth_step(cosine, *BESIDE))
         visible = smooth_step(behind, DEPTH_FAR, DEPTH_NEAR) * same_side
-        near = smooth_step(along, *NEAR) * smooth_step(behind, *NEAR_DEPTHS)
-        inside = (local[:, 2] < 0) & (place.abs() <= 1).all(-1)
-        return _sampled(map, place), inside * visible, inside * near
+        near = smooth_step(cosine, *NEAR) * smooth_step(behind, *NEAR_DEPTHS)
+        inside = (local[:, 2] < 0) & (uv.abs() <= 1).all(-1)
+        return _sampled(map, uv), inside * visible, inside * near
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +150,8 @@ class DetailMaps:
         points = origin + directions * rendered.depth.flatten().index_select(0, index)[:, None]
         opacity = rendered.opacity.flatten().index_select(0, index)
         left = (1 - opacity)[:, None]
-        own = (rendered.colour.flatten(0, 1).index_select(0, index) - left) / opacity[:, None]
-        change, sources = self.colour_changes(points, directions, own.clamp(0, 1), camera)
+        model_colours = (rendered.colour.flatten(0, 1).index_select(0, index) - left) / opacity[:, None]
+        change, sources = self.colour_changes(points, directions, model_colours.clamp(0, 1), camera)
         colour = rendered.colour.flatten(0, 1).index_add(0, index, opacity[:, None] * change).clamp(max=1)
         colour = torch.maximum(colour, 1 - rendered.opacity.flatten()[:, None])  # keep the background's light
         empty = torch.zeros_like(rendered.opacity)
@@ -173,8 +173,8 @@ class DetailMaps:
             camera: sets the resolution of the photos: that of its pixels; None: full resolution.
         """
         levels = [photo.level(camera) if camera else 0 for photo in self.photos]
-        own = len(self.photos) - self.borrowed
-        fine = [photo.fine[level] for photo, level in zip(self.photos[:own], levels, strict=False)]
+        count = len(self.photos) - self.borrowed
+        fine = [photo.fine[level] for photo, level in zip(self.photos[:count], levels, strict=False)]
         origins = kinds.origins(points, self.edits)
         colour, weights = self._blended(points, origins, directions, fine, own=True)
         direct = weights.amax(0)
@@ -184,15 +184,16 @@ class DetailMaps:
         if self.other_side != "model":
             hidden = (direct < 0.99).nonzero()[:, 0]
             turn = torch.tensor([-1.0, 1.0, 1.0], device=points.device)
-            place, origin, along = (rows.index_select(0, hidden) * turn for rows in (points, origins, directions))
+            rows = points, origins, directions
+            twins, twin_origins, twin_directions = (row.index_select(0, hidden) * turn for row in rows)
             fine = [photo.mirrored[level] for photo, level in zip(self.photos, levels, strict=True)]
-            colour, weights = self._blended(place, origin, along, fine)
+            colour, weights = self._blended(twins, twin_origins, twin_directions, fine)
             colour = colour - colours.index_select(0, hidden)
             weights = weights * (1 - direct.index_select(0, hidden))
             weight = weights.amax(0)
             change.index_add_(0, hidden, weight[:, None] * colour)
             covered.index_add_(0, hidden, weight)
-            mirrored.index_add_(0, hidden, weights[:own].amax(0))
+            mirrored.index_add_(0, hidden, weights[:count].amax(0))
         change += (1 - covered)[:, None] * self.match.change(colours)
         return self.strength * change, Sources(self.strength * direct, self.strength * mirrored)
 
@@ -242,9 +243,9 @@ def unpacked(value: Float[Tensor, "*any"]) -> tuple[Float[Tensor, "*any"], Float
     return (2 * value - 1).clamp(0, 1), (2 * value).clamp(0, 1)
 
 
-def _sampled(map: Float[Tensor, "channels h w"], place: Float[Tensor, "points 2"]) -> Float[Tensor, "points channels"]:
+def _sampled(map: Float[Tensor, "channels h w"], uv: Float[Tensor, "points 2"]) -> Float[Tensor, "points channels"]:
     """Sample bilinearly; 0 outside the image."""
-    return functional.grid_sample(map[None], place[None, None], align_corners=False)[0, :, 0].T
+    return functional.grid_sample(map[None], uv[None, None], align_corners=False)[0, :, 0].T
 
 
 def smooth_step(value: Float[Tensor, "*any"], start: float, end: float) -> Float[Tensor, "*any"]:

@@ -104,9 +104,9 @@ def coarse_paint(instance: Instance, camera: Camera, frame: Frame, part: str = "
         points = frame_points(instance, camera, frame, opaque, step).to(instance.model.device)
         colours = image[:, ::step, ::step][:, opaque].T.to(instance.model.device)
         features = FoldedField.of(instance).density(pad_rows(points))[1][: len(points)]
-        weight, own = _located(instance.model, part, colours, features)
+        weight, located = _located(instance.model, part, colours, features)
         parts = instance.model.part_head.parts(features) if instance.model.part_head else {}
-        amount[opaque] = own.membership(colours, parts).cpu()
+        amount[opaque] = located.membership(colours, parts).cpu()
         present = (weight @ colours).cpu()
     around = functional.max_pool2d(amount[None], 3, 1, 1)[0]
     amount = torch.where(opaque, amount, around)[None, None]  # edges are as their neighbours
@@ -160,14 +160,14 @@ def _surface(instance: Instance, part: str) -> Generator[None, None, _Surface]:
     features = folded.density(pad_rows(points))[1][: len(points)]
     towards = folded.direction_bias(-functional.normalize(points, dim=-1))
     colours = folded.colour(features, towards).clamp(0, 1)
-    weight, own = _located(instance.model, part, colours, features)
+    weight, located = _located(instance.model, part, colours, features)
     fitted = (weight @ colours).cpu()
     matched = torch.zeros(3)
     if effective_strength(instance):
         photos = yield from compared_photos(instance)
         fitted = (weight @ FoldedField.of(network.with_texture(instance.fitted)).colour(features, towards)).cpu()
         matched = torch.stack([photo.match.change(fitted) for photo in photos]).mean(0)
-    return _Surface(instance, features, colours, weight, own, fitted, matched)
+    return _Surface(instance, features, colours, weight, located, fitted, matched)
 
 
 def _checked(model: Model, part: str) -> str:
@@ -191,9 +191,9 @@ def _located(
     materials = None
     if part in MATERIALS:
         (opposite,) = MATERIALS.keys() - {part}
-        places = (parts[MATERIALS[name]] for name in (part, opposite))
-        own, opposed = (as_rgb(_lit(colours, place) @ colours) for place in places)
-        materials = (own, opposed) if math.dist(own, opposed) > _ONE_COLOUR else None
+        memberships = (parts[MATERIALS[name]] for name in (part, opposite))
+        material, opposed = (as_rgb(_lit(colours, membership) @ colours) for membership in memberships)
+        materials = (material, opposed) if math.dist(material, opposed) > _ONE_COLOUR else None
     black = PartPaint(part, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), materials)
     weight = _lit(colours, black.membership(colours, parts))
     colour = as_rgb(weight @ colours)

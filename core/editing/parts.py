@@ -47,10 +47,10 @@ class PartMap:
     def handle_at(self, place: tuple[float, float]) -> Handle | None:
         """Return the handle of the region at a place (fractions of width and height); None beside the object."""
         rows, columns = self.regions.shape
-        across, down = place
-        if not (0 <= across < 1 and 0 <= down < 1):
+        x, y = place
+        if not (0 <= x < 1 and 0 <= y < 1):
             return None
-        index = int(self.regions[int(down * rows), int(across * columns)])
+        index = int(self.regions[int(y * rows), int(x * columns)])
         return self.handles[index] if index >= 0 else None
 
     def largest(self, parts: Container[str]) -> str:
@@ -93,9 +93,9 @@ def _within(box: Box, mask: Bool[np.ndarray, "rows columns"]) -> Bool[np.ndarray
     """Return a mask without its pixels outside a box."""
     rows, columns = mask.shape
     left, top, right, bottom = box
-    across = (np.arange(columns) + 0.5) / columns
-    down = (np.arange(rows) + 0.5) / rows
-    return mask & ((across > left) & (across < right)) & ((down > top) & (down < bottom))[:, None]
+    x = (np.arange(columns) + 0.5) / columns
+    y = (np.arange(rows) + 0.5) / rows
+    return mask & ((x > left) & (x < right)) & ((y > top) & (y < bottom))[:, None]
 
 
 def _probabilities(instance: Instance, points: Float[Tensor, "points 3"]) -> Float[np.ndarray, "points parts"]:
@@ -145,11 +145,11 @@ def _handle(
 ) -> Handle:
     """Return the handle of a region: inside of it, far from other regions or, if it is the only one, at its top."""
     rows, columns = regions.shape
-    own = regions == index
-    rest = (regions >= 0) & ~own
-    depth = ndimage.distance_transform_edt(np.pad(own, 1))[1:-1, 1:-1]
+    region = regions == index
+    rest = (regions >= 0) & ~region
+    depth = ndimage.distance_transform_edt(np.pad(region, 1))[1:-1, 1:-1]
     away = ndimage.distance_transform_edt(~rest) if rest.any() else -np.arange(rows)[:, None]
-    score = np.where(own, 2 * np.minimum(depth, _INSIDE) + away, -np.inf)
+    score = np.where(region, 2 * np.minimum(depth, _INSIDE) + away, -np.inf)
     row, column = np.unravel_index(score.argmax(), regions.shape)
     x, y, z = surface[row, column].tolist()
     return Handle(part, ((float(column) + 0.5) / columns, (float(row) + 0.5) / rows), (x, y, z))

@@ -24,13 +24,13 @@ def ordered(edits: Iterable[Edit]) -> tuple[Edit, ...]:
 
     Raises ``ValueError`` for too many of one kind.
     """
-    places = {key: number for number, key in enumerate(KINDS)}
+    order = {key: number for number, key in enumerate(KINDS)}
     effective = [edit for edit in edits if not edit.is_none]
     for kind in {type(edit) for edit in effective}:
         count = sum(type(edit) is kind for edit in effective)
         if count > kind.most:
             raise ValueError(f"an object has at most {kind.most} {kind.key}, got {count}")
-    return tuple(sorted(effective, key=lambda edit: (_SUBJECTS.index(edit.subject), places[edit.key])))
+    return tuple(sorted(effective, key=lambda edit: (_SUBJECTS.index(edit.subject), order[edit.key])))
 
 
 def mixed(first: tuple[Edit, ...], second: tuple[Edit, ...], shape: float, texture: float) -> tuple[Edit, ...]:
@@ -83,7 +83,7 @@ def densities(at_origins: Float[Tensor, "*batch"], edits: tuple[Edit, ...]) -> F
 
 
 def colours(
-    own: Float[Tensor, "*places 3"], edits: tuple[Edit, ...], parts: Callable[[], Parts]
+    network: Float[Tensor, "*places 3"], edits: tuple[Edit, ...], parts: Callable[[], Parts]
 ) -> Float[Tensor, "*places 3"]:
     """Return the network's colours after the edits of a texture, the last one uppermost.
 
@@ -92,7 +92,7 @@ def colours(
     """
     painting = [edit for edit in edits if edit.subject == "texture"]
     probabilities = parts() if painting else {}
-    below = own
+    below = network
     for edit in painting:
-        below = edit.over(own, below, edit.membership(own, probabilities))
+        below = edit.over(network, below, edit.membership(network, probabilities))
     return below

@@ -59,8 +59,8 @@ class PartPaint(Edit):
             parts: probabilities of the model's parts; a part that the model lacks has no place.
         """
         if self.materials:
-            own, opposite = (colours.new_tensor(colour) for colour in self.materials)
-            nearer = (colours - opposite).norm(dim=-1) - (colours - own).norm(dim=-1)
+            material, opposite = (colours.new_tensor(colour) for colour in self.materials)
+            nearer = (colours - opposite).norm(dim=-1) - (colours - material).norm(dim=-1)
             return (0.5 + _SHARP * nearer / math.dist(*self.materials)).clamp(0, 1)
         if self.part == "":
             return torch.ones_like(colours[..., 0])

@@ -58,14 +58,14 @@ def _largest_zoom(camera: Camera, points: Float[Tensor, "points 3"]) -> float:
 def _outline(instance: Instance) -> Float[Tensor, "ends 3"]:
     """Return points of an object (scene units) with the same convex hull: both ends of its rows along each axis."""
     points = _opaque_points(instance, _PER_SIDE)
-    place = ((points - points.amin(0)) * (CELLS * _PER_SIDE / 2) / torch.tensor(instance.model.extent) + 0.5).long()
-    taken = torch.zeros((place.amax(0) + 1).tolist(), dtype=torch.bool)
-    taken[place.unbind(-1)] = True
+    cell = ((points - points.amin(0)) * (CELLS * _PER_SIDE / 2) / torch.tensor(instance.model.extent) + 0.5).long()
+    taken = torch.zeros((cell.amax(0) + 1).tolist(), dtype=torch.bool)
+    taken[cell.unbind(-1)] = True
     ends = taken
     for axis, side in enumerate(taken.shape):
         number = taken.cumsum(axis)
         ends = ends & ((number == 1) | (number == number.narrow(axis, side - 1, 1)))
-    return points[ends[place.unbind(-1)]] * torch.tensor(instance.codes.proportions or 1.0)
+    return points[ends[cell.unbind(-1)]] * torch.tensor(instance.codes.proportions or 1.0)
 
 
 def _opaque_points(instance: Instance, per_side: int) -> Float[Tensor, "points 3"]:
@@ -76,9 +76,9 @@ def _opaque_points(instance: Instance, per_side: int) -> Float[Tensor, "points 3
     steps = (torch.arange(per_side, device=model.device) + 0.5) / per_side
     within = torch.cartesian_prod(steps, steps, steps)
     points = ((occupancy.cells.nonzero()[:, None] + within) * occupancy.cell - occupancy.extent).flatten(0, 1)
-    least = -math.log1p(-_MIN_OPACITY) / (2 * max(model.extent) / CELLS)
+    threshold = -math.log1p(-_MIN_OPACITY) / (2 * max(model.extent) / CELLS)
     with torch.inference_mode():
-        blocks = [block[folded.density(block)[0] > least] for block in points.split(_BLOCK)]
+        blocks = [block[folded.density(block)[0] > threshold] for block in points.split(_BLOCK)]
     opaque = torch.cat(blocks).cpu() if blocks else torch.empty(0, 3)
     return opaque if len(opaque) else _corners(model)
 

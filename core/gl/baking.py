@@ -59,8 +59,8 @@ class Box(NamedTuple):
 
 def box_of(occupied: Bool[Tensor, "x y z"], cells: int) -> Box:
     """Return the box of occupied cells (of the 64 per axis) in a grid of ``cells``; the whole grid if none is."""
-    places = occupied.nonzero().cpu()
-    low, high = (places.amin(0), places.amax(0) + 1) if len(places) else (torch.zeros(3), torch.full((3,), CELLS))
+    solid = occupied.nonzero().cpu()
+    low, high = (solid.amin(0), solid.amax(0) + 1) if len(solid) else (torch.zeros(3), torch.full((3,), CELLS))
     scale = cells // CELLS
     return Box(tuple((scale * low).int().tolist()), tuple((scale * high + 1).int().tolist()))
 
@@ -271,15 +271,15 @@ def _filled_cells(density: Float[Tensor, "x y z"], cells: int, box: Box) -> Bool
 
 def _neighbours(visible: Bool[Tensor, "x y z"]) -> Int[Tensor, "visible 6"]:
     """Return the two neighbours along each axis; the corner itself if one of the two is not at the surface."""
-    own = torch.arange(int(visible.sum()), dtype=torch.int32)
+    numbers = torch.arange(int(visible.sum()), dtype=torch.int32)
     number = torch.full([side + 2 for side in visible.shape], -1, dtype=torch.int32)
-    number[1:-1, 1:-1, 1:-1][visible] = own
-    place = (number.flatten() >= 0).nonzero()[:, 0]
+    number[1:-1, 1:-1, 1:-1][visible] = numbers
+    cell = (number.flatten() >= 0).nonzero()[:, 0]
     neighbours = []
     for stride in number.stride():
-        pair = number.flatten()[place - stride], number.flatten()[place + stride]
+        pair = number.flatten()[cell - stride], number.flatten()[cell + stride]
         both = (pair[0] >= 0) & (pair[1] >= 0)
-        neighbours += [torch.where(both, neighbour, own) for neighbour in pair]
+        neighbours += [torch.where(both, neighbour, numbers) for neighbour in pair]
     return torch.stack(neighbours, -1)
 
 
@@ -299,13 +299,13 @@ def prefilter(
 def spread(cameras: Sequence[Camera]) -> list[Camera]:
     """Choose the last camera, then the farthest from those chosen until each has one within :data:`MAX_TURN`."""
     directions = torch.stack([_direction(camera) for camera in cameras])
-    chosen = [len(cameras) - 1]
+    selected = [len(cameras) - 1]
     while True:
-        distance = torch.cdist(directions, directions[chosen]).amin(1)
+        distance = torch.cdist(directions, directions[selected]).amin(1)
         farthest = int(distance.argmax())
         if distance[farthest] <= MAX_TURN:
-            return [cameras[index] for index in chosen]
-        chosen.append(farthest)
+            return [cameras[index] for index in selected]
+        selected.append(farthest)
 
 
 def _direction(camera: Camera) -> Float[Tensor, "3"]:

@@ -349,14 +349,14 @@ class History:
 
         Without the first step, the next one on the current path is the first, and other branches begin there.
         """
-        kept = [number for number in range(len(self.steps)) if number not in dropped]
-        root = next((number for number in self._path if number not in dropped), kept[0])
-        last = {-1: root}  # by step: itself, or else the last one before it that is kept
+        remaining = [number for number in range(len(self.steps)) if number not in dropped]
+        root = next((number for number in self._path if number not in dropped), remaining[0])
+        last = {-1: root}  # by step: itself, or else the last one before it that is remaining
         for number in self._descending:
             last[number] = last[self.steps[number].parent] if number in dropped else number
-        index = {number: place for place, number in enumerate(kept)}
-        parents = {number: index[last[self.steps[number].parent]] for number in kept} | {root: -1}
-        steps = tuple(Step(self.steps[number].state, parents[number]) for number in kept)
+        index = {number: position for position, number in enumerate(remaining)}
+        parents = {number: index[last[self.steps[number].parent]] for number in remaining} | {root: -1}
+        steps = tuple(Step(self.steps[number].state, parents[number]) for number in remaining)
         history = replace(self, steps=steps, current=index[last[self.current]], tip=index[last[self.tip]])
         return replace(history, tip=history._end(history.tip))
 
@@ -398,8 +398,8 @@ class History:
     def after(self, earlier: History) -> History:
         """Return the history with all states of another one before its own."""
         count = len(earlier.steps)
-        own = (Step(state, earlier.tip if parent < 0 else parent + count) for state, parent in self.steps)
-        history = replace(self, steps=(*earlier.steps, *own), current=self.current + count, tip=self.tip + count)
+        later = (Step(state, earlier.tip if parent < 0 else parent + count) for state, parent in self.steps)
+        history = replace(self, steps=(*earlier.steps, *later), current=self.current + count, tip=self.tip + count)
         return history._shortened()
 
     def renamed(self, names: Mapping[str, str]) -> History:

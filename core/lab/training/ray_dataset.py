@@ -71,12 +71,12 @@ class RayDataset:
             pixels = list(pool.map(partial(_training_pixels, whole_image), objects, numbers))
         view_counts = [len(views.cameras) for views in objects]
         first_view = np.cumsum(view_counts) - view_counts
-        views = [own.view + first for own, first in zip(pixels, first_view, strict=True)]
+        views = [sampled.view + first for sampled, first in zip(pixels, first_view, strict=True)]
         self.view = torch.from_numpy(np.concatenate(views).astype(np.int32)).to(device)
-        self.pixel = torch.from_numpy(np.concatenate([own.pixel for own in pixels]).astype(np.int32)).to(device)
-        self.colour = torch.from_numpy(np.concatenate([own.colour for own in pixels])).to(device)
-        self.mask_class = torch.from_numpy(np.concatenate([own.mask_class for own in pixels])).to(device)
-        self.count = torch.tensor([len(own.view) for own in pixels], device=device)
+        self.pixel = torch.from_numpy(np.concatenate([sampled.pixel for sampled in pixels]).astype(np.int32)).to(device)
+        self.colour = torch.from_numpy(np.concatenate([sampled.colour for sampled in pixels])).to(device)
+        self.mask_class = torch.from_numpy(np.concatenate([sampled.mask_class for sampled in pixels])).to(device)
+        self.count = torch.tensor([len(sampled.view) for sampled in pixels], device=device)
         self.first = self.count.cumsum(0) - self.count
         self.weight = torch.tensor(dataset.weights or [1.0] * len(dataset.objects), device=device)
         self.hulls = torch.ones(len(dataset.objects), *[_HULL_RESOLUTION] * 3, dtype=torch.bool, device=device)
@@ -92,14 +92,14 @@ class RayDataset:
         """
         owner = torch.multinomial(self.weight, count, replacement=True, generator=generator)
         fraction = torch.rand(count, generator=generator, device=owner.device, dtype=torch.float64)
-        (place,) = (owner % self.processes.count == self.processes.rank).nonzero(as_tuple=True)
-        owner = owner[place]
-        own = owner // self.processes.count
-        index = self.first[own] + (fraction[place] * self.count[own]).long()
+        (rays_here,) = (owner % self.processes.count == self.processes.rank).nonzero(as_tuple=True)
+        owner = owner[rays_here]
+        object_here = owner // self.processes.count
+        index = self.first[object_here] + (fraction[rays_here] * self.count[object_here]).long()
         azimuth, elevation, distance = self.angles[self.view[index].long()].unbind(-1)
         pixels = self.centres[self.pixel[index].long()]
         rays = cast_rays(pixels, azimuth, elevation, distance, self.focal, self.size, self.extent)
-        return RayBatch(place, rays, owner, self.colour[index].float() / 255, self.mask_class[index])
+        return RayBatch(rays_here, rays, owner, self.colour[index].float() / 255, self.mask_class[index])
 
     def inside_hull(self, points: Float[Tensor, "*batch 3"], owner: Int[Tensor, "*#batch"]) -> Bool[Tensor, "*batch"]:
         """Tell which points lie in their object's hull."""
@@ -112,8 +112,8 @@ class RayDataset:
         """Remove from the hulls cells that the field finds empty, together with their neighbours."""
         centres = grid_centres(tuple(self.extent.tolist()), _HULL_RESOLUTION).to(self.extent.device)
         step = 2 * self.extent.amin() / _HULL_RESOLUTION
-        own = self.processes.own
-        for hull, bias in zip(self.hulls[own], shape_bias[own], strict=True):
+        objects_here = self.processes.own
+        for hull, bias in zip(self.hulls[objects_here], shape_bias[objects_here], strict=True):
             cells = hull.flatten().nonzero()[:, 0]
             with autocast(hull.device):
                 density = [field.density(centres[batch], bias)[0] for batch in cells.split(_PRUNE_BATCH)]
@@ -132,9 +132,9 @@ def _training_pixels(whole_image: bool, views: ObjectViews, seed: int) -> _Pixel
     view, pixel = (index.numpy() for index in near.flatten(1).nonzero(as_tuple=True))
     limit = _PIXELS_PER_VIEW * len(masks)
     if len(view) > limit and not whole_image:
-        kept = np.random.default_rng(seed).choice(len(view), limit, replace=False)
-        view = view[kept]
-        pixel = pixel[kept]
+        chosen_pixels = np.random.default_rng(seed).choice(len(view), limit, replace=False)
+        view = view[chosen_pixels]
+        pixel = pixel[chosen_pixels]
     colours = views.images.reshape(len(masks), -1, 3)
     return _Pixels(view, pixel, colours[view, pixel], mask_class.numpy()[view, pixel])
 
