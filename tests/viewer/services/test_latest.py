@@ -48,9 +48,7 @@ def test_a_late_value_is_none_for_newer_inputs(session: Session) -> None:
     finish(session, lambda: latest.current == "2")
 
 
-@pytest.mark.parametrize(
-    ("error", "reported"), [(ValueError("no"), []), (TypeError("odd"), ["Cannot find words: odd"])]
-)
+@pytest.mark.parametrize(("error", "reported"), [(ValueError("no"), []), (OSError("no disk"), ["Cannot find words"])])
 def test_an_error_is_no_value_and_not_tried_again(
     session: Session, latest: Latest[int, str], error: Exception, reported: list[str]
 ) -> None:
@@ -64,4 +62,4 @@ def test_an_error_is_no_value_and_not_tried_again(
     for _ in range(2):
         assert latest.of(1, fail) is None
         finish(session)
-    assert session.messages.errors == reported and tries == [1]
+    assert [text.split(":")[0] for text in session.messages.errors] == reported and tries == [1]
