@@ -46,14 +46,14 @@ def sized(instance: Instance, **cm: float) -> Instance:
     if instance.model.white_from_network:
         raise ValueError("objects of a model that paints the background have no size")
     natural = natural_bounds(instance)
-    known = lengths(instance, natural)
+    natural_lengths = lengths(instance, natural)
     for name, length in cm.items():
-        if name not in known:
-            raise ValueError(f"this object has no {name} to be sized, only {', '.join(known)}")
+        if name not in natural_lengths:
+            raise ValueError(f"this object has no {name} to be sized, only {', '.join(natural_lengths)}")
         if not LIMITS[0] <= length <= LIMITS[1]:  # also for NaN
             raise ValueError(f"a length is {LIMITS[0]:g} to {LIMITS[1]:g} cm, got {length:g}")
     unstretched = natural.after(instance.codes.with_edits(Stretch).edits_of("size")).size
-    x, y, z = (cm.get(name, known[name]) / side for name, side in zip(SIDES, unstretched, strict=True))
+    x, y, z = (cm.get(name, natural_lengths[name]) / side for name, side in zip(SIDES, unstretched, strict=True))
     try:
         changed = instance.with_edits(Stretch, Stretch((x, y, z)))
     except ValueError as error:
@@ -112,9 +112,9 @@ def with_portion(instance: Instance, natural: Bounds, length: float, keeps_heigh
     bounds = natural.after(instance.codes.edits_of("size"))
     rest = bounds.size[2] - bounds.length(portion)
     usual = natural.length(portion) / natural.size[2]
-    least = max(usual / MAX_BEND, 1 - (1 - usual) * MAX_BEND)
-    most = min(usual * MAX_BEND, 1 - (1 - usual) / MAX_BEND)
-    fraction = max(least, min(most, length / (bounds.size[2] if keeps_height else rest + length)))
+    shortest = max(usual / MAX_BEND, 1 - (1 - usual) * MAX_BEND)
+    longest = min(usual * MAX_BEND, 1 - (1 - usual) / MAX_BEND)
+    fraction = max(shortest, min(longest, length / (bounds.size[2] if keeps_height else rest + length)))
     height = bounds.size[2] if keeps_height else rest / (1 - fraction)
     low = natural.low[2]
     high = natural.high[2]

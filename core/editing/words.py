@@ -134,8 +134,8 @@ def most(instance: Instance, words: Words, name: str) -> float:
     if kind == "texture":
         return math.inf
     low, high = reach(instance, number)
-    now = position(instance, number)
-    return high - now if sign > 0 else now - low
+    strength = position(instance, number)
+    return high - strength if sign > 0 else strength - low
 
 
 def _direction(words: Words, name: str) -> tuple[CodeKind, int, int]:
@@ -189,9 +189,9 @@ def _measured(instance: Instance) -> dict[str, float]:
 
 def _shape_of(points: Float[Tensor, "points 3"]) -> _Shape:
     low, high = _ends(points)
-    place = ((points - low) / (high - low).clamp_min(1e-6)).clamp(0, 1)
-    upper = points[place[:, 2] > 0.5]
-    return _Shape(place, _log_sizes(points), _log_sizes(upper if len(upper) > 2 else points))
+    unit_points = ((points - low) / (high - low).clamp_min(1e-6)).clamp(0, 1)
+    upper = points[unit_points[:, 2] > 0.5]
+    return _Shape(unit_points, _log_sizes(points), _log_sizes(upper if len(upper) > 2 else points))
 
 
 def _log_sizes(points: Float[Tensor, "points 3"]) -> list[float]:
@@ -203,19 +203,19 @@ def _ends(points: Float[Tensor, "points 3"]) -> tuple[Tensor, Tensor]:
     return low, high
 
 
-def _roundness(place: Float[Tensor, "points 3"]) -> float:
+def _roundness(unit_points: Float[Tensor, "points 3"]) -> float:
     views = ((0, 2), (1, 2), (0, 1))
-    return sum(_empty_corners(place[:, axes]) for axes in views) / len(views)
+    return sum(_empty_corners(unit_points[:, axes]) for axes in views) / len(views)
 
 
-def _empty_corners(place: Float[Tensor, "points 2"]) -> float:
+def _empty_corners(unit_points: Float[Tensor, "points 2"]) -> float:
     """Return the empty fraction of a silhouette's corners, 0..1."""
     cells = 20
     corner = round(cells * _CORNER)
     filled = torch.zeros(cells, cells, dtype=torch.bool)
-    filled[tuple((place * cells).long().clamp(0, cells - 1).T)] = True
+    filled[tuple((unit_points * cells).long().clamp(0, cells - 1).T)] = True
     ends = (slice(0, corner), slice(cells - corner, cells))
-    return 1 - sum(float(filled[across, down].float().mean()) for across in ends for down in ends) / 4
+    return 1 - sum(float(filled[x, y].float().mean()) for x in ends for y in ends) / 4
 
 
 def _colours_of(points: Float[Tensor, "points 3"], colours: Float[Tensor, "points 3"]) -> _Colours:

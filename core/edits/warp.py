@@ -80,12 +80,12 @@ vec3 warp_origins(vec3 point) {{
     @classmethod
     def between(cls, first: "Warp | None", second: "Warp | None", amount: float) -> "Warp":
         """Interpolate linearly; None stands for no motion. Raises ``ValueError`` for warps of different directions."""
-        shares = [(warp, share) for warp, share in ((first, 1 - amount), (second, amount)) if warp]
-        columns = zip(*([share * number for number in warp._numbers] for warp, share in shares), strict=True)
+        weighted = [(warp, weight) for warp, weight in ((first, 1 - amount), (second, amount)) if warp]
+        columns = zip(*([weight * number for number in warp._numbers] for warp, weight in weighted), strict=True)
         numbers = tuple(map(sum, columns))
-        count = len(shares[0][0].steps)
+        count = len(weighted[0][0].steps)
         x, y, z = (numbers[count + axis : -1 : 3] for axis in range(3))
-        return Warp(numbers[:count], shares[0][0].extent, tuple(zip(x, y, z, strict=True)), min(numbers[-1], 1.0))
+        return Warp(numbers[:count], weighted[0][0].extent, tuple(zip(x, y, z, strict=True)), min(numbers[-1], 1.0))
 
     @property
     def _numbers(self) -> tuple[float, ...]:
@@ -94,6 +94,6 @@ vec3 warp_origins(vec3 point) {{
 
 def monomials(points: Float[Tensor, "*batch 3"], extent: Float[Tensor, "3"]) -> Float[Tensor, "*batch terms"]:
     """Return the products of powers (:data:`TERMS`) of points' coordinates, -1..1 in the scene's box."""
-    place = (points / extent).clamp(-1, 1)
-    x, y, z = torch.stack([place**power for power in range(4)]).unbind(-1)
+    unit_points = (points / extent).clamp(-1, 1)
+    x, y, z = torch.stack([unit_points**power for power in range(4)]).unbind(-1)
     return torch.stack([x[a] * y[b] * z[c] for a, b, c in TERMS], -1)

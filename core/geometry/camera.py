@@ -171,20 +171,20 @@ class StretchedCamera(Camera):
 
     def world_to_camera(self, device: torch.device) -> tuple[Float[Tensor, "3 3"], Float[Tensor, "3"]]:
         """Return the matrix from the space before to camera axes, no rotation, and the camera's place there."""
-        rotation, place = super().world_to_camera(device)
-        factors = place.new_tensor(self.factors)
-        return rotation * factors, place / factors
+        rotation, origin = super().world_to_camera(device)
+        factors = origin.new_tensor(self.factors)
+        return rotation * factors, origin / factors
 
     def directions(self, pixels: Float[Tensor, "*batch 2"]) -> Float[Tensor, "*batch 3"]:
         """Return the unit directions of rays in the space before."""
         rotation, _ = super().world_to_camera(pixels.device)
-        along = camera_directions(pixels, self.focal, (self.width, self.height)) @ rotation
-        return torch.nn.functional.normalize(along / along.new_tensor(self.factors), dim=-1)
+        directions = camera_directions(pixels, self.focal, (self.width, self.height)) @ rotation
+        return torch.nn.functional.normalize(directions / directions.new_tensor(self.factors), dim=-1)
 
     def lengths_to(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
         """Return the distances in the space before."""
-        _, place = self.world_to_camera(points.device)
-        return (points - place).norm(dim=-1)
+        _, origin = self.world_to_camera(points.device)
+        return (points - origin).norm(dim=-1)
 
     def seen_lengths(self, lengths: Float[Tensor, "height width"]) -> Float[Tensor, "height width"]:
         """Return the lengths in the stretched space."""

@@ -58,8 +58,8 @@ def colour_texels(colour: Float[Tensor, "*corners 3"]) -> UInt8[Tensor, "*corner
 
 def logit_texels(logits: Float[Tensor, "*corners"]) -> UInt8[Tensor, "*corners"]:
     """Convert logits to bytes, clamped to :data:`LOGITS`."""
-    least, most = LOGITS
-    return (255 * ((logits - least) / (most - least)).clamp(0, 1) + 0.5).to(torch.uint8)
+    lowest, highest = LOGITS
+    return (255 * ((logits - lowest) / (highest - lowest)).clamp(0, 1) + 0.5).to(torch.uint8)
 
 
 def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
@@ -70,7 +70,7 @@ def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
         distance += ~reached
         for axis in range(3):
             along = reached.movedim(axis, 0)
-            before = along.clone()
-            along[1:] |= before[:-1]
-            along[:-1] |= before[1:]
+            previous = along.clone()
+            along[1:] |= previous[:-1]
+            along[:-1] |= previous[1:]
     return distance.cpu().numpy()

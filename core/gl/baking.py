@@ -252,9 +252,9 @@ def _surface(density: Float[Tensor, "x y z"], thickness: Float[Tensor, "x y z"])
     deep = torch.full_like(thickness, torch.inf)
     for axis in range(3):
         through = thickness.cumsum(axis)
-        before = through - thickness
+        depth_before = through - thickness
         behind = through.select(axis, -1).unsqueeze(axis) - through
-        deep = torch.minimum(deep, torch.minimum(before, behind))
+        deep = torch.minimum(deep, torch.minimum(depth_before, behind))
     near = functional.max_pool3d((density > _MIN_DENSITY)[None].float(), 3, 1, 1)[0] > 0
     return near & (deep < _BELOW)
 
@@ -262,10 +262,10 @@ def _surface(density: Float[Tensor, "x y z"], thickness: Float[Tensor, "x y z"])
 def _filled_cells(density: Float[Tensor, "x y z"], cells: int, box: Box) -> Bool[Tensor, "cells cells cells"]:
     """Mark the scene's cells with a corner dense enough to draw."""
     side = cells // CELLS
-    most = functional.max_pool3d(density[None], side + 1, side)[0]
+    top = functional.max_pool3d(density[None], side + 1, side)[0]
     filled = torch.zeros((CELLS,) * 3, dtype=torch.bool)
-    x, y, z = (slice(start // side, start // side + count) for start, count in zip(box.first, most.shape, strict=True))
-    filled[x, y, z] = most > _MIN_DENSITY
+    x, y, z = (slice(start // side, start // side + count) for start, count in zip(box.first, top.shape, strict=True))
+    filled[x, y, z] = top > _MIN_DENSITY
     return filled
 
 

@@ -54,11 +54,11 @@ class GroundShadow:
     def seen_by(self, camera: Camera) -> Float[Tensor, "height width"]:
         """Return the fraction (0..1) of the ground's light that each pixel loses; 0 where no ground is visible."""
         rays = camera_rays(camera, torch.ones(3))
-        along = (self.height - rays.origins[..., 2]) / rays.directions[..., 2]
-        place = (rays.origins + along[..., None] * rays.directions)[..., :2] / torch.tensor(self.reach)
+        distance = (self.height - rays.origins[..., 2]) / rays.directions[..., 2]
+        uv = (rays.origins + distance[..., None] * rays.directions)[..., :2] / torch.tensor(self.reach)
         texels = torch.from_numpy(self.darkness).float()[None, None] / 255
-        darkness = functional.grid_sample(texels, place.nan_to_num(9.0)[None].clamp(-9, 9), align_corners=False)[0, 0]
-        return darkness * ((along > 0) & (rays.origins[..., 2] > self.height))
+        darkness = functional.grid_sample(texels, uv.nan_to_num(9.0)[None].clamp(-9, 9), align_corners=False)[0, 0]
+        return darkness * ((distance > 0) & (rays.origins[..., 2] > self.height))
 
 
 def cast_shadow(density: Float[Tensor, "x y z"], extent: tuple[float, float, float]) -> GroundShadow | None:
@@ -95,11 +95,11 @@ def _contact(density: Float[Tensor, "x y z"], first: int, extent: tuple[float, f
     corners = len(density) - 1
     texels = 2 * corners * _FINE // _COARSE
     lost = torch.zeros(texels, texels)
-    places = 2 * (torch.arange(texels) + 0.5) / texels - 1  # -1..1 along the map, which is twice as long as the grid
+    steps = 2 * (torch.arange(texels) + 0.5) / texels - 1  # -1..1 along the map, which is twice as long as the grid
     for number, width in enumerate(_CONTACT_WIDTHS[: len(density) - first]):
         blurs = []
         for side in extent[:2]:
-            away = 2 * side * (places[:, None] - torch.linspace(-0.5, 0.5, corners + 1))
+            away = 2 * side * (steps[:, None] - torch.linspace(-0.5, 0.5, corners + 1))
             step = 2 * side / corners
             blurs.append(step / (width * math.sqrt(2 * math.pi)) * torch.exp(-0.5 * (away / width) ** 2))
         layer = (2 * density[..., first + number] - 1).clamp(0, 1)  # none of haze

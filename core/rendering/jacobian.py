@@ -313,10 +313,10 @@ def _along_axes(
     return (gradient.float() * encoded[:, :, None]) @ axes
 
 
-def _chunks(shape: torch.Size, most: int) -> Iterator[tuple[slice, slice]]:
+def _chunks(shape: torch.Size, limit: int) -> Iterator[tuple[slice, slice]]:
     """Yield slices of (objects, samples) with at most ``most`` points in all."""
     objects, count = shape
-    group = max(1, most // count)
+    group = max(1, limit // count)
     for first in range(0, objects, group):
-        for start in range(0, count, most):
-            yield slice(first, first + group), slice(start, start + most)
+        for start in range(0, count, limit):
+            yield slice(first, first + group), slice(start, start + limit)

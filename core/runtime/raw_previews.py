@@ -47,10 +47,10 @@ def _is_canon(image: TiffImageFile) -> bool:
     return _read(image, 8, 2) == b"CR"
 
 
-def _read(image: TiffImageFile, place: int, length: int) -> bytes:
+def _read(image: TiffImageFile, offset: int, length: int) -> bytes:
     """Return bytes of the file."""
     assert image.fp is not None
-    image.fp.seek(place)
+    image.fp.seek(offset)
     return image.fp.read(min(length, _MOST_BYTES))
 
 
@@ -64,12 +64,12 @@ def _directories(image: TiffImageFile) -> Iterator[Directory]:
         directory = waiting.pop(0)
         yield directory
         below = directory.get(TiffImagePlugin.SUBIFD, ())
-        places = below if isinstance(below, tuple) else (below,)
-        for place in (*places, directory.next) if canon and directory.next else places:
+        offsets = below if isinstance(below, tuple) else (below,)
+        for offset in (*offsets, directory.next) if canon and directory.next else offsets:
             with suppress(Exception):  # a damaged one is as good as none
                 subdirectory = Directory(_read(image, 0, 8))
                 assert image.fp is not None
-                image.fp.seek(place)
+                image.fp.seek(offset)
                 subdirectory.load(image.fp)
                 waiting.append(subdirectory)
 

@@ -73,9 +73,9 @@ def reading(path: Path | str, kind: str = "a file") -> Iterator[None]:
         raise ValueError(shortened(text, _most(path))) from error
 
 
-def shortened(text: str, most: int) -> str:
+def shortened(text: str, length: int) -> str:
     """Shorten a text to ``most`` characters, keeping its beginning and its last 30."""
-    return text if len(text) <= most else f"{text[: most - 33]}...{text[-30:]}"
+    return text if len(text) <= length else f"{text[: length - 33]}...{text[-30:]}"
 
 
 def _most(path: Path | str) -> int:

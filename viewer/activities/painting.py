@@ -81,9 +81,9 @@ class Painting:
         instance = self._editor.scene.instance
         part = self.part
         choices = (*self._due, self._drag) if self._drag else self._due
-        chosen = [choice.paint.colour for choice in choices if choice.paint.part == part and choice.suits(instance)]
-        if chosen:
-            return chosen[-1]
+        colours = [choice.paint.colour for choice in choices if choice.paint.part == part and choice.suits(instance)]
+        if colours:
+            return colours[-1]
 
         def stream() -> Iterator[Rgb | None]:
             yield (yield from self._jobs.backend.paint_colour(instance, part))
@@ -91,8 +91,8 @@ class Painting:
         request = self._viewport.frame_request
         asks = self._viewport.full_frame is not None and request is not None and request.instance == instance
         colour = self._measured.of((instance, part), stream, asks)
-        before, of_part = self._measured.inputs or (instance, "")
-        is_same = of_part == part and before.codes.texture_key == instance.codes.texture_key
+        measured, of_part = self._measured.inputs or (instance, "")
+        is_same = of_part == part and measured.codes.texture_key == instance.codes.texture_key
         return self._measured.value if is_same else colour
 
     @property
@@ -159,10 +159,10 @@ class Painting:
 
     def _set_due(self, due: tuple[_Choice, ...]) -> None:
         """Set the paints that the object is about to take, in order."""
-        before = next(iter(self._due), None)
+        previous = next(iter(self._due), None)
         first = next(iter(due), None)
         self._due = due
-        if first is not before:
+        if first is not previous:
             self._jobs.cancel("paint")
             if first:
                 self._begin(first)

@@ -90,19 +90,19 @@ def entries(context: PanelContext) -> Iterator[Entry]:
     for action in ACTIONS.values():
         run = partial(action.run, context) if action.enabled(context) else lambda: None
         yield Entry(action.words, action.hint(), run)
-    for place, rows in TABLE.items():
+    for section, rows in TABLE.items():
         for row in rows:
             if isinstance(row, Gesture):
-                panel = place if place in context.panels else ""
-                yield Entry(row.words, f"{place}: {row.tooltip}", partial(setattr, context, "focus", panel))
+                panel = section if section in context.panels else ""
+                yield Entry(row.words, f"{section}: {row.tooltip}", partial(setattr, context, "focus", panel))
     for title in context.panels:
         yield Entry(title, "panel", partial(setattr, context, "focus", title))
     for mode in MODES:
         yield Entry(mode.capitalize(), "view mode", partial(session.viewport.change, mode=mode))
     objects = session.editor.objects
     families = (objects.families[model.fingerprint] for model in session.models)
-    own = (name for name in objects.own if not session.editor.is_missing(name))
-    listed = [*own, *chain.from_iterable(families)]
+    added = (name for name in objects.own if not session.editor.is_missing(name))
+    listed = [*added, *chain.from_iterable(families)]
     names = {session.names.label(name): name for name in reversed(listed)}
     for words, name in names.items():
         yield Entry(words, "object", partial(session.editor.show_object, name))

@@ -134,13 +134,13 @@ def _tooltip(tile: _Tile, is_current: bool) -> str:
     """Return the tooltip of a tile."""
     if tile.branch:
         return f"Another branch\nClick to go to: {tile.words}"
-    way = "forward" if tile.undone else "back"
-    return tile.words[:1].upper() + tile.words[1:] if is_current else f"Click to go {way} to: {tile.words}"
+    direction = "forward" if tile.undone else "back"
+    return tile.words[:1].upper() + tile.words[1:] if is_current else f"Click to go {direction} to: {tile.words}"
 
 
 def _thumbnail(context: PanelContext, state: State, moving: bool) -> Frame | None:
     """Return a state's thumbnail from its camera; None during a drag, which changes the state in every frame."""
     scene = state.scene
-    now = state is context.session.editor.state
+    is_current = state is context.session.editor.state
     camera = scene.camera.resized(SIZE, SIZE)
-    return None if moving else context.session.thumbnails.get(scene.instance, camera, soon=now)
+    return None if moving else context.session.thumbnails.get(scene.instance, camera, soon=is_current)

@@ -43,8 +43,8 @@ class MixPanel(Panel):
             imgui.invisible_button("mix pad", (side, side))
             under = imgui.get_mouse_pos() - corner
             if imgui.is_item_active():
-                across, up = (_within((px - cell / 2) / (side - cell)) for px in (under.x, side - under.y))
-                editor.mix_both(across, up, gesture="mix pad")
+                right, up = (_within((px - cell / 2) / (side - cell)) for px in (under.x, side - under.y))
+                editor.mix_both(right, up, gesture="mix pad")
             end_gesture(context)
             over = (int(under.x / cell), int((side - under.y) / cell)) if imgui.is_item_hovered() else None
         self._paint_previews(context, corner, side, over)
@@ -69,11 +69,11 @@ class MixPanel(Panel):
         last = STEPS - 1
         object_tiles.shade(corner, side, context.palette.raised)
         for (column, row), instance in self._previews.items():
-            place = corner + ImVec2(column, last - row) * cell
+            low = corner + ImVec2(column, last - row) * cell
             preview = context.session.thumbnails.of_object(instance, _PREVIEW, _SAMPLES)
-            object_tiles.paint_frame(context, preview, place, cell)
+            object_tiles.paint_frame(context, preview, low, cell)
             if (column, row) == over:
-                object_tiles.outline(place, cell, context.palette.accent)
+                object_tiles.outline(low, cell, context.palette.accent)
         object_tiles.mark(corner + ImVec2(0, last) * cell, "A", context.palette.accent)
         object_tiles.mark(corner + ImVec2(last, 0) * cell, "B", WARM)
 
@@ -113,12 +113,12 @@ def _paint_dot(context: PanelContext, corner: ImVec2, side: float) -> None:
     accent = context.palette.accent
     inset = side / STEPS / 2
     em = hello_imgui.em_size()
-    place = corner + ImVec2(inset, inset) + ImVec2(mix.shape, 1 - mix.texture) * (side - 2 * inset)
+    dot = corner + ImVec2(inset, inset) + ImVec2(mix.shape, 1 - mix.texture) * (side - 2 * inset)
     line = packed(accent, 0.5)
-    draw.add_line((place.x, corner.y), (place.x, corner.y + side), line)
-    draw.add_line((corner.x, place.y), (corner.x + side, place.y), line)
-    draw.add_circle_filled(place, 0.55 * em, packed(ON_PLATE))
-    draw.add_circle_filled(place, 0.42 * em, packed(accent))
+    draw.add_line((dot.x, corner.y), (dot.x, corner.y + side), line)
+    draw.add_line((corner.x, dot.y), (corner.x + side, dot.y), line)
+    draw.add_circle_filled(dot, 0.55 * em, packed(ON_PLATE))
+    draw.add_circle_filled(dot, 0.42 * em, packed(accent))
 
 
 def _within(amount: float) -> float:

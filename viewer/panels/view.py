@@ -98,8 +98,8 @@ class ViewPanel(Panel):
         editor = context.session.editor
         io = imgui.get_io()
         if imgui.is_item_active() and not imgui.is_item_activated() and any(io.mouse_delta):
-            across, down = _motion(size)
-            editor.set_camera(orbit.dragged(context.session.viewport.camera, across, down), gesture="orbit")
+            right, down = _motion(size)
+            editor.set_camera(orbit.dragged(context.session.viewport.camera, right, down), gesture="orbit")
             context.set_preference(newcomer=False)
         end_gesture(context)
         if imgui.is_item_hovered() and imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
@@ -123,8 +123,8 @@ class ViewPanel(Panel):
         low, high = context.view
         viewport = context.session.viewport
         nearer = orbit.zoomed(viewport.camera, steps, context.session.editor.model)
-        place = (imgui.get_mouse_pos() - (low + high) * 0.5) / min(high - low)
-        away = place - ImVec2(*viewport.settings.offset)
+        pointer = (imgui.get_mouse_pos() - (low + high) * 0.5) / min(high - low)
+        away = pointer - ImVec2(*viewport.settings.offset)
         viewport.pan_by(*(away * (1 - viewport.camera.distance / nearer.distance)))
         self._nudge(context, nearer, "zoom")
 

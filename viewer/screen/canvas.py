@@ -184,8 +184,8 @@ def within(size: tuple[int, int], shape: tuple[int, int]) -> tuple[int, int, int
         >>> within((400, 200), (100, 100)), within((64, 48), (32, 24))
         ((100, 0, 200, 200), (0, 0, 64, 48))
     """
-    scale = min(side / own for side, own in zip(size, shape, strict=True))
-    width, height = (min(side, round(scale * own)) for side, own in zip(size, shape, strict=True))
+    scale = min(side / length for side, length in zip(size, shape, strict=True))
+    width, height = (min(side, round(scale * length)) for side, length in zip(size, shape, strict=True))
     return (size[0] - width) // 2, (size[1] - height) // 2, width, height
 
 

@@ -227,19 +227,19 @@ class FileDialog:
         size = hello_imgui.em_to_vec2(6, 0)
         asked = self._to_replace == request.path(self._text)
         label = "Open" if not request.save else "Replace" if asked else "Save"
-        chosen = imgui.button(f"{label}###choose", size) or entered
-        if chosen and request.save and not asked and is_there(request.path(self._text)):
+        accepted = imgui.button(f"{label}###choose", size) or entered
+        if accepted and request.save and not asked and is_there(request.path(self._text)):
             self._to_replace = request.path(self._text)
-            chosen = False
-        elif chosen and not request.save and not is_there(request.path(self._text)):
-            chosen = False
+            accepted = False
+        elif accepted and not request.save and not is_there(request.path(self._text)):
+            accepted = False
         imgui.same_line()
         cancelled = imgui.button("Cancel", size) or imgui.is_key_pressed(imgui.Key.escape)
-        if chosen or cancelled:
+        if accepted or cancelled:
             imgui.close_current_popup()
         imgui.end_popup()
-        if chosen or cancelled:
-            self._close(self._text.strip() if chosen else "")
+        if accepted or cancelled:
+            self._close(self._text.strip() if accepted else "")
 
     def _verdict(self, request: FileRequest) -> str:
         path = request.path(self._text)

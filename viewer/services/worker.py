@@ -89,9 +89,9 @@ class Worker:
     def busy(self, *names: str) -> bool:
         """True if a job, of these names if given, is running or has callbacks pending."""
         with self._changed:
-            due = [entry for entry, _ in self._delivery if not entry.muted]
+            pending = [entry for entry, _ in self._delivery if not entry.muted]
             alive = [entry for entry in self._running if not entry.over]
-            return any(not names or entry.job.name in names for entry in due + alive)
+            return any(not names or entry.job.name in names for entry in pending + alive)
 
     def deliver(self) -> None:
         """Call the pending callbacks. Call once a frame, on the window's thread."""
@@ -119,8 +119,8 @@ class Worker:
         if old:  # an urgent job's pending frame is still worth seeing; other results would mislead
             old.over = True
             old.muted = not old.job.urgent
-        least = min((entry.spent for entry in self._running if not entry.over), default=0.0)
-        self._running.append(_Running(job, least))
+        smallest = min((entry.spent for entry in self._running if not entry.over), default=0.0)
+        self._running.append(_Running(job, smallest))
 
     def _run(self) -> None:
         if sys.platform == "linux":  # the window keeps its frame rate beside torch on few cores
@@ -159,12 +159,12 @@ class Worker:
         """Step a job; modes of torch that it leaves on between steps are logged, and do not reach the next job."""
         from core.runtime.modes import TorchModes  # imported late: the splash appears before torch is loaded
 
-        before = TorchModes.current()
-        with before.applied():
+        modes = TorchModes.current()
+        with modes.applied():
             self._step(entry)
-            after = TorchModes.current()
-        if after != before:
-            logging.getLogger(__name__).error("the job %s is faulty: it left on %s", entry.job.name, after)
+            left_on = TorchModes.current()
+        if left_on != modes:
+            logging.getLogger(__name__).error("the job %s is faulty: it left on %s", entry.job.name, left_on)
 
     def _step(self, entry: _Running) -> None:
         try:

@@ -34,7 +34,7 @@ def draw_cut_out(
     imgui.set_cursor_screen_pos(corner)
     imgui.set_next_item_allow_overlap()
     imgui.invisible_button("photo", size)
-    after = imgui.get_cursor_screen_pos()
+    cursor = imgui.get_cursor_screen_pos()
     texture = context.images.texture(pixels, context.palette)
     imgui.get_window_draw_list().add_image_rounded(
         texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, rounding()
@@ -44,7 +44,7 @@ def draw_cut_out(
     elif len(boxes) > 1:
         for number, box in sorted(enumerate(boxes), key=lambda item: -_area(item[1])):  # smaller boxes over larger ones
             _draw_box(context, number, box, (corner, size), choose)
-    imgui.set_cursor_screen_pos(after)
+    imgui.set_cursor_screen_pos(cursor)
     imgui.dummy((0, 0))
 
 
@@ -54,9 +54,9 @@ def _area(box: Box) -> float:
 
 
 def _draw_box(
-    context: PanelContext, number: int, box: Box, place: tuple[ImVec2, ImVec2], choose: Callable[[int], None]
+    context: PanelContext, number: int, box: Box, rectangle: tuple[ImVec2, ImVec2], choose: Callable[[int], None]
 ) -> None:
-    corner, size = place
+    corner, size = rectangle
     low, high = (corner + ImVec2(x * size.x, y * size.y) for x, y in (box[:2], box[2:]))
     imgui.set_cursor_screen_pos(low)
     imgui.set_next_item_allow_overlap()

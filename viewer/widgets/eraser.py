@@ -21,12 +21,12 @@ class Eraser:
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
         """Draw stroke and brush over the view, imgui's last item; return whether the tool takes the mouse."""
-        place = photo_place(context, corner, size)
+        shown = photo_place(context, corner, size)
         detail = context.session.editor.scene.instance.detail
-        if place is None or detail is None:
+        if shown is None or detail is None:
             self._points = []
             return False
-        view, low, high = place
+        view, low, high = shown
         mouse = imgui.get_mouse_pos()
         extent = high - low
         if imgui.is_item_hovered() and (wheel := imgui.get_io().mouse_wheel):
@@ -47,6 +47,6 @@ class Eraser:
         return True
 
     def _extend(self, x: float, y: float) -> None:
-        place = min(1.0, max(0.0, x)), min(1.0, max(0.0, y))
-        if not self._points or max(abs(a - b) for a, b in zip(place, self._points[-1], strict=True)) > _LEAST:
-            self._points.append(place)
+        point = min(1.0, max(0.0, x)), min(1.0, max(0.0, y))
+        if not self._points or max(abs(a - b) for a, b in zip(point, self._points[-1], strict=True)) > _LEAST:
+            self._points.append(point)

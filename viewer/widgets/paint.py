@@ -94,9 +94,9 @@ def _draw_square(context: PanelContext) -> None:
             colour = square_colour((column + 0.5) / columns, (row + 0.5) / rows)
             draw.add_rect_filled(low, low + cell, packed(colour))
     painting = context.session.painting
-    place = imgui.get_mouse_pos() - corner
+    offset = imgui.get_mouse_pos() - corner
     if imgui.is_item_active():
-        across, down = (max(0.0, min(1.0, px / side)) for px, side in zip(place, size, strict=True))
+        across, down = (max(0.0, min(1.0, px / side)) for px, side in zip(offset, size, strict=True))
         painting.paint(square_colour(across, down))
         draw.add_circle(corner + ImVec2(across * size.x, down * size.y), 0.4 * em, packed((1, 1, 1)), thickness=2.0)
     elif imgui.is_item_deactivated() and painting.colour and not imgui.is_key_pressed(imgui.Key.escape):
@@ -140,9 +140,9 @@ def pick(
     em = hello_imgui.em_size()
     low = imgui.get_mouse_pos() + ImVec2(0.8 * em, -1.8 * em)
     draw = imgui.get_foreground_draw_list()
-    chosen = (float(colour[0]), float(colour[1]), float(colour[2]))
-    draw.add_rect_filled(low, low + ImVec2(em, em), packed(chosen), 0.2 * em)
+    rgb = (float(colour[0]), float(colour[1]), float(colour[2]))
+    draw.add_rect_filled(low, low + ImVec2(em, em), packed(rgb), 0.2 * em)
     draw.add_rect(low, low + ImVec2(em, em), packed(context.palette.text), 0.2 * em)
     if imgui.is_item_clicked(imgui.MouseButton_.left):
         context.tool = "turn"
-        _paint(context, chosen)
+        _paint(context, rgb)

@@ -91,10 +91,10 @@ def _places(
     mesh = run_to_end(extract_mesh(instance, _RESOLUTION))
     normals = face_normals(mesh.vertices, mesh.faces)
     area = np.linalg.norm(normals, axis=1)
-    chosen = generator.choice(len(area), _PLACES, p=area / area.sum())
+    sampled = generator.choice(len(area), _PLACES, p=area / area.sum())
     weights = generator.dirichlet((1, 1, 1), _PLACES)[..., None]
-    places = (weights * mesh.vertices[mesh.faces[chosen]]).sum(1)
-    inside = torch.from_numpy(places - _DEPTH * normals[chosen] / area[chosen, None]).float()
+    places = (weights * mesh.vertices[mesh.faces[sampled]]).sum(1)
+    inside = torch.from_numpy(places - _DEPTH * normals[sampled] / area[sampled, None]).float()
     folded = FoldedField.of(instance)
     with torch.inference_mode():
         features = folded.density(inside.to(folded.device))[1].float().cpu()
