@@ -198,8 +198,8 @@ class App:
 
     def _dockable(self, panel: Panel) -> hello_imgui.DockableWindow:
         view = panel.dock == "View"
-        place = "MainDockSpace" if view else panel.dock
-        window = hello_imgui.DockableWindow(panel.title, place, lambda: self._draw_panel(panel))
+        dock = "MainDockSpace" if view else panel.dock
+        window = hello_imgui.DockableWindow(panel.title, dock, lambda: self._draw_panel(panel))
         window.can_be_closed = panel.folded
         window.is_visible = not panel.folded
         if panel.bare:

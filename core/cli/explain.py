@@ -59,10 +59,10 @@ def draw_detections(image: Image.Image, cut: CutOut) -> Image.Image:
         label = f"{number}: {detection.category} {detection.score:.2f}"
         pen.text((left + 3, top + 2), label, "lime", stroke_width=2, stroke_fill="black")
     if cut.corners is not None:
-        places = [tuple(corner) for corner in (cut.corners * drawing.size).tolist()]
+        corners = [tuple(corner) for corner in (cut.corners * drawing.size).tolist()]
         for edge in EDGES:
             front = all((corner - 1) % 2 for corner in edge)
-            pen.line([places[corner] for corner in edge], "orange" if front else "cyan", 2)
+            pen.line([corners[corner] for corner in edge], "orange" if front else "cyan", 2)
     return drawing
 
 
@@ -78,8 +78,8 @@ def _images(model: Model, photo: Photo, last: FitStep) -> Iterator[tuple[str, Im
 def _image(pixels: Float[Tensor, "height width 3"]) -> Image.Image:
     """Return the middle of an image of the object, without the wide margins of a model's images."""
     image = Image.fromarray(to_bytes(pixels.cpu().clamp(0, 1).numpy()))
-    across, down = (_MARGIN * side for side in image.size)
-    return image.resize((_SIDE, _SIDE), box=(across, down, image.width - across, image.height - down))
+    margin_x, margin_y = (_MARGIN * side for side in image.size)
+    return image.resize((_SIDE, _SIDE), box=(margin_x, margin_y, image.width - margin_x, image.height - margin_y))
 
 
 def _witnesses(model: Model, photo: Photo, last: FitStep) -> Iterator[tuple[str, ...]]:

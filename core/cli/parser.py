@@ -94,13 +94,13 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
         metavar="WxDxH",
         help="stretch the object to this width, depth and height in centimetres: 60x58x92 (default: as it is)",
     )
-    for name, place in (("legs", "of a chair, up to its seat"), ("roof", "of a car, from its windows up")):
+    for name, extent in (("legs", "of a chair, up to its seat"), ("roof", "of a car, from its windows up")):
         command.add_argument(
             f"--{name}-cm",
             dest="portion_cm",
             type=portion_cm(name),
             metavar="CM",
-            help=f"the {name} {place}; the rest keeps its height, or with --size-cm the whole does",
+            help=f"the {name} {extent}; the rest keeps its height, or with --size-cm the whole does",
         )
 
 

@@ -140,14 +140,14 @@ def train_part_head(args: argparse.Namespace) -> None:
     require_writable(args.out)
     model = load_model(args.model)
     teacher = load_model(args.labels)
-    places = list(tqdm(labelled_places(model, teacher, args.objects), desc="parts", unit="object", disable=None))
+    labelled = list(tqdm(labelled_places(model, teacher, args.objects), desc="parts", unit="object", disable=None))
     assert teacher.part_head
     names = teacher.part_head.names
-    training, validation = _split(places)
+    training, validation = _split(labelled)
     features, labels = (torch.cat(values) for values in zip(*validation, strict=True))
     predicted = fit_part_head(names, training)(features).argmax(1)
     accuracy = 100 * float((predicted == labels).float().mean())
-    _save_complete(replace(model, part_head=fit_part_head(names, places)), args.out)
+    _save_complete(replace(model, part_head=fit_part_head(names, labelled)), args.out)
     print(f"{', '.join(names)}: {accuracy:.1f} % of the surface of {len(validation)} held-out objects")
 
 

@@ -160,12 +160,12 @@ def _refined(
     """Return how far the surface reaches beyond the outermost of some inner points, by bisection."""
     points = inside[(side * inside[:, axis]) >= (side * inside[:, axis]).amax() - 1e-6]
     step = float(occupancy.cell[axis]) / _PER_SIDE
-    along = torch.zeros(3, device=points.device)
-    along[axis] = side
+    axis_step = torch.zeros(3, device=points.device)
+    axis_step[axis] = side
     reached = 0.0
     for _ in range(_HALVINGS):
         step /= 2
-        solid = _is_solid(folded, occupancy, points + (reached + step) * along)
+        solid = _is_solid(folded, occupancy, points + (reached + step) * axis_step)
         if bool(solid.any()):
             points = points[solid]
             reached += step

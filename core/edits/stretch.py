@@ -53,9 +53,9 @@ class Stretch(Edit):
         """
         factors = list(self.factors)
         del factors[axis]
-        least = max(LEAST, max(factors) / MAX_DISTORTION)
+        shortest = max(LEAST, max(factors) / MAX_DISTORTION)
         most = min(MOST, min(factors) * MAX_DISTORTION)
-        factors.insert(axis, max(least, min(most, factor)))
+        factors.insert(axis, max(shortest, min(most, factor)))
         return Stretch((factors[0], factors[1], factors[2]))
 
     @classmethod

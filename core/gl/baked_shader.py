@@ -181,7 +181,7 @@ class BakedShader:
 
 def field_uniforms(baked: BakedField) -> dict[str, Any]:
     """Return the fragment shader's uniforms that do not depend on the camera."""
-    least, most = LOGITS
+    lowest, highest = LOGITS
     config = baked.config
     contrast = _NO_CONTRAST
     if config.contrast:
@@ -196,7 +196,7 @@ def field_uniforms(baked: BakedField) -> dict[str, Any]:
         "contrast": contrast,
         "blocks": CELLS,
         "min_light": MIN_LIGHT,
-        "logits": (least / math.log(2), (most - least) / math.log(2)),
+        "logits": (lowest / math.log(2), (highest - lowest) / math.log(2)),
     }
 
 

@@ -69,6 +69,6 @@ class SharedEmbedding(Field):
         self, shape: Float[Tensor, "*batch shape_latent"], texture: Float[Tensor, "*batch texture_latent"]
     ) -> tuple[Float[Tensor, "*batch blocks width"], Float[Tensor, "*batch more_blocks width"]]:
         """Return :meth:`core.models.field.Field.biases`; those of the texture blocks are independent of the codes."""
-        own = torch.stack([block.get_parameter("bias") for block in self.texture_block])
+        biases = torch.stack([block.get_parameter("bias") for block in self.texture_block])
         both = torch.cat((shape, texture), -1)
-        return folded_biases(self.shape_latent, self.shape_block, both), own.expand(*both.shape[:-1], *own.shape)
+        return folded_biases(self.shape_latent, self.shape_block, both), biases.expand(*both.shape[:-1], *biases.shape)

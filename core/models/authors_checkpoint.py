@@ -142,8 +142,8 @@ def _collapsed(field: Field, shapes: Float[Tensor, "objects latent"]) -> frozens
     points = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
     biases = field.shape_bias(shapes)
     solid = [float((-torch.expm1(-field.density(points, bias)[0] / 64)).square().mean()) for bias in biases]
-    least = _COLLAPSED_BELOW * statistics.median(solid)
-    return frozenset(index for index, amount in enumerate(solid) if amount < least)
+    threshold = _COLLAPSED_BELOW * statistics.median(solid)
+    return frozenset(index for index, amount in enumerate(solid) if amount < threshold)
 
 
 def _rename_tensors(state: dict[str, Tensor]) -> dict[str, Tensor]:

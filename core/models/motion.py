@@ -196,11 +196,11 @@ def _within_bounds(
 ) -> Float[Tensor, "terms 3"]:
     """Return a velocity less the shift and the growth along each axis that move the surface's two ends."""
     velocity = velocity.clone()
-    place = surface / extent
+    unit_points = surface / extent
     for axis in range(3):
-        order = place[:, axis].argsort()
+        order = unit_points[:, axis].argsort()
         count = max(1, round(_END * len(order)))
-        low, high = (place[ends] for ends in (order[:count], order[-count:]))
+        low, high = (unit_points[ends] for ends in (order[:count], order[-count:]))
         speeds = [float((monomials(end * extent, extent) @ velocity[:, axis]).mean()) for end in (low, high)]
         middles = [float(end[:, axis].mean()) for end in (low, high)]
         growth = (speeds[1] - speeds[0]) / max(middles[1] - middles[0], 1e-6)
@@ -228,9 +228,9 @@ def _surface(model: Model, origin: Latents) -> tuple[Float[Tensor, "points 3"], 
     points = (2 * torch.rand(_CANDIDATES, 3, generator=generator) - 1) * extent
     if model.occupied_cells is not None:
         cells = model.occupied_cells.nonzero()
-        chosen = cells[torch.randint(len(cells), (_CANDIDATES,), generator=generator)]
+        sampled = cells[torch.randint(len(cells), (_CANDIDATES,), generator=generator)]
         side = 2 / model.occupied_cells.shape[0]
-        points = ((chosen + torch.rand(chosen.shape, generator=generator)) * side - 1) * extent
+        points = ((sampled + torch.rand(sampled.shape, generator=generator)) * side - 1) * extent
     logits = _logits(model, points, bias)
     order = (logits.abs() + 1e3 * (logits.abs() > _BESIDE)).argsort()
     points = points[order[: max(_POINTS, int((logits.abs() < _BESIDE).sum()))]]

@@ -143,11 +143,11 @@ def _visibility(
         step = 2 * float(occupancy.extent.max()) / view.samples
         limits = tolerances(view.samples)
 
-    def visible(chosen: slice) -> Chunk:
+    def visible(piece: slice) -> Chunk:
         with torch.inference_mode():
-            rays = _rays(view, occupancy, pixel[chosen], first[chosen], last[chosen])
-            fraction = len(pixel[chosen]) / len(pixel)
-            return _chunk(folded, occupancy, pixel[chosen], rays, step, limits, fraction)
+            rays = _rays(view, occupancy, pixel[piece], first[piece], last[piece])
+            fraction = len(pixel[piece]) / len(pixel)
+            return _chunk(folded, occupancy, pixel[piece], rays, step, limits, fraction)
 
     size = max(1, min(CHUNK_RAYS, -(-len(pixel) // 2)))  # of a small image, two threads take a half each
     return visible, [slice(start, start + size) for start in range(0, len(pixel), size)]
@@ -161,8 +161,8 @@ def _rays(
     last: Float[Tensor, "rays"],
 ) -> Rays:
     """Return the rays of pixels, limited to the first and last occupied cell behind each."""
-    across = view.camera.width
-    centres = torch.stack((pixel % across, pixel // across), -1) + 0.5
+    width = view.camera.width
+    centres = torch.stack((pixel % width, pixel // width), -1) + 0.5
     rays = rays_at_pixels(centres - view.model.pixel_offset, view.camera, occupancy.extent)
     near = torch.maximum(rays.near, first)
     return replace(rays, near=near, far=torch.maximum(near, torch.minimum(rays.far, last)))

@@ -82,8 +82,8 @@ def render_with_jacobian(
     summed = _RayGradients.zeros(model, transmittance.numel(), composited.channels.shape[-1])
     row = ray + objects * transmittance[0].numel()
     for chunk, forward in zip(chunks, activations, strict=True):
-        along = composited.by_colour[chunk], by_density[chunk], by_logit[chunk], depth[chunk]
-        summed.add(_backward(model, forward, *along), row[chunk].flatten())
+        inputs = composited.by_colour[chunk], by_density[chunk], by_logit[chunk], depth[chunk]
+        summed.add(_backward(model, forward, *inputs), row[chunk].flatten())
     by_shape = _along_codes(summed.shape, bias_jacobians.shape)
     by_texture = _along_codes(summed.texture, bias_jacobians.texture)
     by_ray = summed.origin, summed.direction, by_shape, by_texture

@@ -96,9 +96,9 @@ class Segmenting:
 
     def choose(self, number: int) -> None:
         """Choose an alternative mask by its index; strokes are dropped."""
-        chosen = self.hints.choice
+        current = self.hints.choice
         self.begin_change()
-        self.set_hints(replace(self.hints, choice=number if number < chosen else number + 1, strokes=()))
+        self.set_hints(replace(self.hints, choice=number if number < current else number + 1, strokes=()))
 
     def undo(self) -> None:
         """Return to the hints before the last step."""

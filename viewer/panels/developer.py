@@ -107,10 +107,10 @@ def _draw_candidate(context: PanelContext, hypothesis: Hypothesis, rank: int, si
 
 def _label(hypothesis: Hypothesis, rank: int, preferable: bool) -> str:
     camera = hypothesis.cameras[0]
-    place = f"azimuth {math.degrees(camera.azimuth):.0f}, elevation {math.degrees(camera.elevation):.0f} degrees"
-    place += f"\ndistance {camera.distance:.2f}, focal length {camera.focal / camera.height:.2f} of the image's height"
+    words = f"azimuth {math.degrees(camera.azimuth):.0f}, elevation {math.degrees(camera.elevation):.0f} degrees"
+    words += f"\ndistance {camera.distance:.2f}, focal length {camera.focal / camera.height:.2f} of the image's height"
     prefer = "\nClick to prefer it: the search continues from here alone" if preferable else ""
-    return f"Rank {rank + 1}, loss {hypothesis.loss:.4f}\n{place}{prefer}"
+    return f"Rank {rank + 1}, loss {hypothesis.loss:.4f}\n{words}{prefer}"
 
 
 def _draw_messages(context: PanelContext) -> None:

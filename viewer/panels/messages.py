@@ -115,8 +115,8 @@ def _draw(context: PanelContext, message: Message, number: int, room: float) -> 
     imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + _line_width(room))
     imgui.text_unformatted(message.text)
     imgui.pop_text_wrap_pos()
-    for place, action in enumerate(message.buttons):
-        if place:
+    for position, action in enumerate(message.buttons):
+        if position:
             imgui.same_line()
         if imgui.small_button(f"{_label(action)}###{action.label.lower()} {number}"):
             context.session.messages.dismiss(message)

@@ -113,9 +113,9 @@ class SlidersPanel(Panel):
         corner = imgui.get_cursor_screen_pos()
         assert self._basis is not None
         low, high = direction.reach(self._basis)
-        for number, place in enumerate(_PREVIEWS):
+        for number, fraction in enumerate(_PREVIEWS):
             camera = orbit.home(model).resized(SIZE, SIZE)
-            frame = _preview(context, direction, self._basis, low + place * (high - low), camera)
+            frame = _preview(context, direction, self._basis, low + fraction * (high - low), camera)
             object_tiles.paint_frame(context, frame, corner + ImVec2(1.1 * number * side, 0), side)
         imgui.dummy((1.1 * len(_PREVIEWS) * side, side))
 

@@ -29,19 +29,19 @@ SYSTEM = (
 
 def load_fonts() -> list[imgui.ImFont]:
     """Load the text font and the bold one of headings, in this order."""
-    beside = hello_imgui.FontLoadingParams()
-    beside.inside_assets, beside.merge_to_last_font = False, True
+    icons = hello_imgui.FontLoadingParams()
+    icons.inside_assets, icons.merge_to_last_font = False, True
     fonts = []
     for name in (_TEXT, _BOLD):
         fonts.append(hello_imgui.load_font_ttf_with_font_awesome_icons(name, SIZE))
         # Only the text font gets the large fallback fonts: headings hold no file names.
         for path in fallbacks() if name == _TEXT else ():
-            hello_imgui.load_font(str(path), SIZE, beside)
+            hello_imgui.load_font(str(path), SIZE, icons)
     return fonts
 
 
 def fallbacks(system: Sequence[str] = SYSTEM) -> list[Path]:
     """Return the paths of fallback fonts: emoji, then Chinese, Japanese and Korean if available."""
     spec = find_spec(_PACKAGE)
-    packaged = [Path(place) / _PACKAGED for place in (spec.submodule_search_locations or () if spec else ())]
+    packaged = [Path(folder) / _PACKAGED for folder in (spec.submodule_search_locations or () if spec else ())]
     return [_EMOJI, *[path for path in (*packaged, *map(Path, system)) if path.is_file()][:1]]

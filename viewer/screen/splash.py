@@ -27,10 +27,10 @@ class Splash(Generic[T]):
         self._error: BaseException | None = None
         self._thread = threading.Thread(target=self._run, name="start")
         self.params = hello_imgui.RunnerParams()
-        place = self.params.app_window_params
-        place.window_title = window.NAME
-        place.window_geometry.size = _SIZE
-        place.borderless = True
+        geometry = self.params.app_window_params
+        geometry.window_title = window.NAME
+        geometry.window_geometry.size = _SIZE
+        geometry.borderless = True
         self.params.ini_disable = True
         self.params.renderer_backend_options.open_gl_options = hello_imgui.OpenGlOptions(anti_aliasing_samples=0)
         self.params.fps_idling.fps_max = self.params.fps_idling.fps_idle = _RATE

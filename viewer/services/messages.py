@@ -116,7 +116,7 @@ class Messages:
 
     def dismiss(self, message: Message) -> None:
         """Remove a message."""
-        self.all = [kept for kept in self.all if kept is not message]
+        self.all = [other for other in self.all if other is not message]
 
 
 def error_text(error: Exception) -> str:

@@ -36,8 +36,8 @@ class CutOutPreview:
     def of(cls, image: Image.Image, cut: CutOut) -> "CutOutPreview":
         """Draw the outline of a cut-out over its RGBA image."""
         colour = _DOUBTFUL if is_doubtful(cut) else _SURE
-        least = _LEAST * max((detection.prominence for detection in cut.detections), default=0.0)
-        boxes = tuple(detection.box for detection in cut.detections if detection.prominence >= least)
+        threshold = _LEAST * max((detection.prominence for detection in cut.detections), default=0.0)
+        boxes = tuple(detection.box for detection in cut.detections if detection.prominence >= threshold)
         return cls(outlined(pixels_on_white(image), cut.mask, colour), boxes)
 
     @cached_property

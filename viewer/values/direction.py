@@ -30,8 +30,8 @@ class Direction:
         """Return an object's position along the direction, in standard deviations from its model's mean."""
         if self.kind == "shape":
             return position(instance, self.index)
-        way = instance.codes.texture - instance.model.codes.mean.texture
-        return float(way @ self.step / self.step.square().sum())
+        offset = instance.codes.texture - instance.model.codes.mean.texture
+        return float(offset @ self.step / self.step.square().sum())
 
     def reach(self, instance: Instance) -> tuple[float, float]:
         """Return the least and the greatest position of an object along the direction."""

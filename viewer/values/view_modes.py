@@ -55,11 +55,11 @@ def normals(frame: Frame, camera: Camera) -> Float[np.ndarray, "height width 3"]
     inner = is_object.copy()
     inner[1:-1, 1:-1] &= is_object[:-2, 1:-1] & is_object[2:, 1:-1] & is_object[1:-1, :-2] & is_object[1:-1, 2:]
     inner[[0, -1]] = inner[:, [0, -1]] = False
-    across = np.zeros_like(points)
+    horizontal = np.zeros_like(points)
     down = np.zeros_like(points)
-    across[:, 1:-1] = points[:, 2:] - points[:, :-2]
+    horizontal[:, 1:-1] = points[:, 2:] - points[:, :-2]
     down[1:-1] = points[2:] - points[:-2]
-    facing = np.cross(down, across)
+    facing = np.cross(down, horizontal)
     length = np.linalg.norm(facing, axis=-1, keepdims=True)
     angles = torch.tensor([camera.azimuth, camera.elevation], dtype=torch.float64)
     to_camera = camera_rotation(angles[0], angles[1]).numpy()

@@ -48,8 +48,8 @@ def tooltip(text: str, above: bool = True) -> None:
 
 def begin_tooltip_beside() -> bool:
     """Begin a tooltip at the left of the panel, without covering it; if True, call imgui's ``end_tooltip``."""
-    beside = ImVec2(imgui.get_window_pos().x - hello_imgui.em_size(), imgui.get_item_rect_min().y)
-    imgui.set_next_window_pos(beside, imgui.Cond_.always, (1, 0))
+    position = ImVec2(imgui.get_window_pos().x - hello_imgui.em_size(), imgui.get_item_rect_min().y)
+    imgui.set_next_window_pos(position, imgui.Cond_.always, (1, 0))
     is_open = imgui.begin_tooltip()
     if is_open:
         _keep_off_messages()

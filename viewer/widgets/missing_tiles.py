@@ -58,7 +58,7 @@ def paint(context: PanelContext, file: str, corner: ImVec2, side: float) -> None
         object_tiles.shade(corner, side, (1, 1, 1), 0.12)
     room = 1.2 * small_height() if file else 0.0
     middle = corner + ImVec2(side, side - room) * 0.5
-    place = middle - imgui.calc_text_size(_FILE) * 0.5
-    imgui.get_window_draw_list().add_text(place, packed(context.palette.quiet), _FILE)
+    low = middle - imgui.calc_text_size(_FILE) * 0.5
+    imgui.get_window_draw_list().add_text(low, packed(context.palette.quiet), _FILE)
     gap = 0.15 * hello_imgui.em_size()
     paint_caption(context, Path(file).stem, corner + ImVec2(gap, side - room), side - 2 * gap)

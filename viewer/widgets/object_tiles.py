@@ -73,8 +73,8 @@ def mark(corner: ImVec2, label: str, colour: Colour) -> None:
     draw = imgui.get_window_draw_list()
     em = hello_imgui.em_size()
     draw.add_rect_filled(corner, corner + ImVec2(1.2, 1.2) * em, packed(colour), rounding())
-    place = corner + ImVec2(0.6, 0.6) * em - imgui.calc_text_size(label) * 0.5
-    draw.add_text(place, packed(on(colour)), label)
+    low = corner + ImVec2(0.6, 0.6) * em - imgui.calc_text_size(label) * 0.5
+    draw.add_text(low, packed(on(colour)), label)
 
 
 def dropped(context: PanelContext) -> str:

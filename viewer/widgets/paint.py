@@ -96,9 +96,9 @@ def _draw_square(context: PanelContext) -> None:
     painting = context.session.painting
     offset = imgui.get_mouse_pos() - corner
     if imgui.is_item_active():
-        across, down = (max(0.0, min(1.0, px / side)) for px, side in zip(offset, size, strict=True))
-        painting.paint(square_colour(across, down))
-        draw.add_circle(corner + ImVec2(across * size.x, down * size.y), 0.4 * em, packed((1, 1, 1)), thickness=2.0)
+        x, y = (max(0.0, min(1.0, px / side)) for px, side in zip(offset, size, strict=True))
+        painting.paint(square_colour(x, y))
+        draw.add_circle(corner + ImVec2(x * size.x, y * size.y), 0.4 * em, packed((1, 1, 1)), thickness=2.0)
     elif imgui.is_item_deactivated() and painting.colour and not imgui.is_key_pressed(imgui.Key.escape):
         _paint(context, painting.colour)
 

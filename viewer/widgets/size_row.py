@@ -31,10 +31,10 @@ def draw_size(context: PanelContext) -> None:
         imgui.set_next_item_width(width)
         _draw_length(context, name, "", known.get(name, 0.0))
         imgui.same_line(0, gap)
-    chosen = context.tool == "size"
-    colour = context.palette.accent if chosen else None
+    is_tool = context.tool == "size"
+    colour = context.palette.accent if is_tool else None
     if button(f"{_HANDLES}###size handles", _BOX, icon, colour=colour):
-        context.tool = "turn" if chosen else "size"
+        context.tool = "turn" if is_tool else "size"
     imgui.same_line(0, gap)
     if button(f"{_NATURAL}###natural size", "The natural size", icon, enabled=instance.is_sized):
         editor.edit(instance.natural)

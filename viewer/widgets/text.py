@@ -46,9 +46,9 @@ def paint_caption(
         counts = range(1, len(words) + 1)
         count = bisect_right(counts, width, key=lambda count: imgui.calc_text_size(f"{words[:count]}…").x)
         words = f"{words[:count]}…"
-    place = corner + ImVec2(across * (width - imgui.calc_text_size(words).x), 0)
+    low = corner + ImVec2(across * (width - imgui.calc_text_size(words).x), 0)
     colour = context.palette.quiet if quiet else context.palette.text
-    imgui.get_window_draw_list().add_text(place, packed(colour), words)
+    imgui.get_window_draw_list().add_text(low, packed(colour), words)
     imgui.pop_font()
 
 

@@ -64,10 +64,10 @@ class Welcome:
         photos = len(context.session.samples) * (_SAMPLE + _GAP)
         imgui.push_style_var(imgui.StyleVar_.frame_padding, (0.5 * em, (_SAMPLE - 1) / 2 * em))
         width = imgui.get_content_region_avail().x / em - photos
-        beside = width > _LEAST
-        action_button(context, "fit_image", _OPEN, width if beside else -1, context.palette.accent)
+        is_wide = width > _LEAST
+        action_button(context, "fit_image", _OPEN, width if is_wide else -1, context.palette.accent)
         imgui.pop_style_var()
-        if beside:
+        if is_wide:
             imgui.same_line(0, _GAP * em)
 
 
@@ -89,10 +89,10 @@ def draw_samples(context: PanelContext, largest: float = math.inf) -> None:
     if not paths:
         return
     needed = len(paths) * (_SAMPLE * em + gap) - gap
-    across = len(paths) if room > needed - 1 else -(-len(paths) // 2)  # half a pixel may be lost to rounding
-    side = min(object_tiles.THUMBNAIL * em, (room - gap * (across - 1)) / across, largest)
+    columns = len(paths) if room > needed - 1 else -(-len(paths) // 2)  # half a pixel may be lost to rounding
+    side = min(object_tiles.THUMBNAIL * em, (room - gap * (columns - 1)) / columns, largest)
     for number, path in enumerate(paths):
-        if number % across:
+        if number % columns:
             imgui.same_line(0, gap)
         corner = imgui.get_cursor_screen_pos()
         if object_tiles.tile_button(f"sample {path.stem}", (side, side)):

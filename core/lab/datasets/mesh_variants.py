@@ -99,8 +99,8 @@ def _sample_colours(surfaces: Sequence[Surface], generator: np.random.Generator)
         colours = surface.colours[surface.faces].mean(1)
         if surface.texture is not None and surface.uvs is not None:
             height, width = surface.texture.shape[:2]
-            across, down = (surface.uvs[surface.faces].mean(1) % 1.0).T
-            texels = surface.texture[(down * (height - 1)).astype(int), (across * (width - 1)).astype(int), :3]
+            u, v = (surface.uvs[surface.faces].mean(1) % 1.0).T
+            texels = surface.texture[(v * (height - 1)).astype(int), (u * (width - 1)).astype(int), :3]
             colours = colours * (texels / 255.0)
         face_colours.append(colours)
     weights = np.concatenate(areas) + 1e-12

@@ -28,8 +28,8 @@ def spiral_views(count: int, distance: float, size: int = SRN_SIZE) -> tuple[Cam
 
     Any other count samples the same curve evenly.
     """
-    way = np.linspace(0.0, 1.0, count)
-    return tuple(_camera(-_SPIRAL_TURN * (1 + t), 0.5 * math.pi * t, distance, size) for t in way)
+    fraction = np.linspace(0.0, 1.0, count)
+    return tuple(_camera(-_SPIRAL_TURN * (1 + t), 0.5 * math.pi * t, distance, size) for t in fraction)
 
 
 def _camera(azimuth: float, elevation: float, distance: float, size: int) -> Camera:

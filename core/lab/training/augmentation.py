@@ -69,9 +69,9 @@ def recrop(images: Crops) -> Crops:
 
 def _extent(occupied: Bool[Tensor, "images side"], side: int) -> Float[Tensor, "images 2"]:
     """Return the occupied range of an axis, -1 to 1; all of the axis if nothing is occupied."""
-    places = torch.arange(side)
-    first = torch.where(occupied, places, side).amin(1)
-    last = torch.where(occupied, places, -1).amax(1) + 1
+    pixels = torch.arange(side)
+    first = torch.where(occupied, pixels, side).amin(1)
+    last = torch.where(occupied, pixels, -1).amax(1) + 1
     ends = torch.stack((first, last), 1).float() / side * 2 - 1
     return torch.where(occupied.any(1)[:, None], ends, torch.tensor([-1.0, 1.0]))
 
@@ -108,8 +108,8 @@ def _hide(images: Crops, generator: torch.Generator) -> Crops:
     centre = 2 * torch.rand(count, 2, 1, generator=generator) - 1
     spans = ((axis - centre).abs() < half_size).unbind(1)
     # A third are bands from edge to edge, like posts, branches and image borders.
-    across, down = (span | _chosen(count, 1 / 6, generator)[:, None] for span in spans)
-    covered = (across[:, None, :] & down[:, :, None])[:, None]
+    columns, rows = (span | _chosen(count, 1 / 6, generator)[:, None] for span in spans)
+    covered = (columns[:, None, :] & rows[:, :, None])[:, None]
     left = (images[:, 3:] * ~covered).sum((1, 2, 3)) / images[:, 3:].sum((1, 2, 3)).clamp_min(1)
     covered = covered & (_chosen(count, _HIDE_PROBABILITY, generator) & (left > _MIN_VISIBLE))[:, None, None, None]
     mistaken = _chosen(count, 1 / 3, generator)[:, None, None, None]

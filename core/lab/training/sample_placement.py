@@ -45,16 +45,16 @@ def place_samples(
     middles = rays.near[:, None] + width * (torch.arange(_BINS, device=device) + 0.5)
     filled = inside(ray_points(rays, middles)).float().cumsum(-1)  # bins in the hull up to each bin
 
-    def points_at(way: Float[Tensor, "rays points"]) -> Float[Tensor, "rays points 3"]:
+    def points_at(depths: Float[Tensor, "rays points"]) -> Float[Tensor, "rays points 3"]:
         """Return points at these distances along each ray, counted in bins within the hull."""
-        index = torch.searchsorted(filled, way, right=True).clamp_(max=_BINS - 1)
-        within = (way - (filled.gather(1, index) - 1)).clamp(0, 1)
+        index = torch.searchsorted(filled, depths, right=True).clamp_(max=_BINS - 1)
+        within = (depths - (filled.gather(1, index) - 1)).clamp(0, 1)
         return ray_points(rays, rays.near[:, None] + width * (index + within))
 
     length = filled[:, -1:].contiguous()  # of the sampled path, in bins
     if coarse_density is not None:
-        way = (torch.arange(_COARSE, device=device) + 0.5) / _COARSE * length
-        depth = (coarse_density(points_at(way)) * (length * width / _COARSE)).cumsum(-1)
+        depths = (torch.arange(_COARSE, device=device) + 0.5) / _COARSE * length
+        depth = (coarse_density(points_at(depths)) * (length * width / _COARSE)).cumsum(-1)
         lit = (depth < _DARK).sum(-1, keepdim=True)
         length = length * ((lit + 2) / _COARSE).clamp_max(1.0)
     steps = torch.arange(samples, device=device)

@@ -293,10 +293,12 @@ class Trainer:
         mix = uniform(count, 1)
         shape = torch.lerp(self.shapes[self.shape_row[first]], self.shapes[self.shape_row[second]], mix)
         texture = torch.lerp(self.textures[self.texture_row[first]], self.textures[self.texture_row[second]], mix)
-        own = self.processes.own
-        density, _ = self.field.density(points[own], self.field.biases(shape[own], texture[own])[0])
+        objects_here = self.processes.own
+        density, _ = self.field.density(
+            points[objects_here], self.field.biases(shape[objects_here], texture[objects_here])[0]
+        )
         step = 2 * self.ray_dataset.extent.amin() / _OUTSIDE_INTERVALS
-        return (-torch.expm1(-density * step) * outside[own]).sum() / count
+        return (-torch.expm1(-density * step) * outside[objects_here]).sum() / count
 
     def _is_pruning_due(self) -> bool:
         """Return True at the step that reaches a fraction of the schedule at which hulls are pruned."""
