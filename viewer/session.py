@@ -310,7 +310,7 @@ class Session:
         return (*named, *fits, *self.editor.objects.ever_added)
 
     def _restore(self, project: Project, folder: Path | None = None) -> Project:
-        """Take a project's objects, undo history and fits; report what is missing; return it with its models.
+        """Take a project's objects, undo history and fits, report missing models, and return it with its models.
 
         Args:
             folder: folder of the project's file.

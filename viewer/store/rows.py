@@ -72,7 +72,7 @@ class SessionRows:
         )
 
     def write(self, project: Project, status: str = "open") -> None:
-        """Write what has changed since the last call, in one transaction. Raises ``sqlite3.Error`` on failure."""
+        """Write changes since the last call, in one transaction. Raises ``sqlite3.Error`` on failure."""
         try:
             with transaction(self._connection):
                 steps = self._write(project, status)

@@ -120,7 +120,7 @@ def _is_on_network(path: Path) -> bool:
 
 
 def recovered(path: Path) -> Path:
-    """Set a damaged database aside, copy the readable rows into a new one, and return the path of the damaged one.
+    """Set a damaged database aside, and return its path there; the readable rows are copied into a new one.
 
     Rows that refer to lost ones are left out. Raises ``OSError`` or ``sqlite3.Error`` if the folder denies that.
     """
