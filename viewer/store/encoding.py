@@ -77,8 +77,7 @@ class Encoder:
         if type(value) in _ENCODERS:
             return _ENCODERS[type(value)](self, value)
         if isinstance(value, Instance):
-            latents = self.fields(replace(value.codes, edits=()))
-            del latents["edits"]
+            latents = self.fields(value.codes, *(name for name in _names(Codes) if name != "edits"))
             return latents | edits_json(value.codes.edits) | {"model": value.fingerprint}
         if is_dataclass(value) or hasattr(value, "_fields"):
             return self.fields(value)

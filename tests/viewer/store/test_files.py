@@ -109,7 +109,8 @@ def test_a_project_that_is_handed_on_brings_its_photos_and_names_no_folder(
     saved: Project, session: Session, photo: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "elsewhere.codenerf"
-    Store().save(replace(saved, pending=()), path)
+    files = {**saved.model_files, "0" * 16: str(tmp_path / "of another project.safetensors")}
+    Store().save(replace(saved, pending=(), model_files=files), path)
     assert str(tmp_path).encode() not in path.read_bytes()
     content = photo.read_bytes()
     photo.unlink()
