@@ -14,6 +14,7 @@ import pytest
 from PIL import Image
 
 from core.__main__ import main
+from core.cli.fit import photos_at
 from tests.conftest import image_size
 from tests.core.tiny import SIDE, tiny_model
 
@@ -91,14 +92,12 @@ def test_only_photos_without_a_result_are_fitted():
 
 def test_a_folder_of_photos_is_one_object():
     Path("sides").mkdir()
-    for name in ("red.png", "green.png"):
-        Path(name).rename(Path("sides", name))
-    arguments = ["fit", "--each", "sides", "blue.png", "--model", "m.safetensors", "--preset", "draft", "--out", "out"]
-    main(arguments)
-    rows = {Path(row["photo"]).name: row for row in map(json.loads, lines())}
-    assert {name: len(row["photos"]) for name, row in rows.items()} == {"sides": 2, "blue.png": 1}
-    main(arguments)
-    assert len(lines()) == 2
+    Path("red.png").rename("sides/a.png")
+    Path("sides/b.png").write_text("no image")
+    main(["fit", "--each", "sides", "--model", "m.safetensors", "--out", "out"])
+    (row,) = map(json.loads, lines())
+    assert Path(row["photo"]).name == "sides" and "b.png: this is not an image" in row["error"]
+    assert [path.name for path in photos_at(Path("sides"))] == ["a.png", "b.png"]
 
 
 @pytest.mark.parametrize(
@@ -167,6 +166,7 @@ _COMMAND = """
 import os, sys
 os.environ["PARENT"] = str(os.getpid())
 from core.__main__ import main
+from core.cli.fit import photos_at
 main(sys.argv[1:])
 """
 
@@ -192,6 +192,7 @@ _ON_A_CLUSTER = """
 import sys
 from distributed import LocalCluster
 from core.__main__ import main
+from core.cli.fit import photos_at
 
 if __name__ == "__main__":
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
