@@ -62,7 +62,7 @@ class App:
 
         Args:
             size: width and height, px at 96 ppi; None takes most of the screen.
-            folder: folder of layout, preferences and autosaved work; None keeps nothing.
+            folder: folder of layout, preferences and kept work; None keeps nothing.
             headless: draw an invisible window.
             native_dialogs: use the system's file dialogs; None: if it has them.
             instance: source of the files of later starts.

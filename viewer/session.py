@@ -119,7 +119,7 @@ class Session:
         number = self.store.resume()
         if number is not None:
             project = self._restore(self.store.session(number, self.editor.state))
-            self.project_path = project.path
+            self.project_path = None if project.lost else project.path
 
     def start(self) -> None:
         """Begin to render the scene."""
@@ -230,11 +230,6 @@ class Session:
         return lambda: tiles() | view()
 
     @property
-    def is_rendered(self) -> bool:
-        """True while the view is sharp and no tile is rendered."""
-        return self.viewport.sharp and not self.jobs.busy("view", "thumbnails")
-
-    @property
     def samples(self) -> tuple[Path, ...]:
         """The paths of sample photos, alternating between categories."""
         paths = zip_longest(*map(sample_images, dict.fromkeys(model.category for model in self.models)))
@@ -252,9 +247,14 @@ class Session:
 
     @property
     def photo_view(self) -> PhotoView | None:
-        """The selected photo of the object on screen, if it has photo detail."""
+        """The selected photo of the object on screen, if its photo detail has that photo."""
         detail = self.editor.scene.instance.detail
-        return detail.views[min(self.fitting.shown.photo_index, len(detail.views) - 1)] if detail else None
+        fit = self.fitting.shown
+        if detail is None or not fit.photos:
+            return detail.views[0] if detail else None
+        left_out = fit.last.left_out if fit.last else ()
+        included = [number for number in range(len(fit.photos)) if number not in left_out]
+        return dict(zip(included, detail.views, strict=False)).get(fit.photo_index)
 
     @property
     def whole_photo(self) -> UInt8[np.ndarray, "height width 3"] | None:
@@ -262,9 +262,7 @@ class Session:
         fit = self.fitting.shown
         if self.photo_view is None or not fit.last:
             return None
-        photos = [photo for number, photo in enumerate(fit.photos) if number not in fit.last.left_out]
-        preview = photos[fit.photo_index].preview if fit.photo_index < len(photos) else None
-        return preview.pixels if preview else None
+        return fit.photo.preview.pixels if fit.photo and fit.photo.preview else None
 
     @property
     def photo_camera(self) -> Camera | None:

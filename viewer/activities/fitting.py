@@ -44,6 +44,7 @@ class Fitting:
         self.view = FitView(editor, viewport, jobs.models, store.fit)
         self.results = FitResults(editor, viewport, jobs.messages)
         self.request: FitRequest | None = None  # the running fit's
+        self._closed = False  # buttons of messages outlive the session
         self._waiting = FitQueue()
         self._before = self.history  # the fit shown before the last one began
         self._shown_key = ""  # of the object in the view
@@ -117,6 +118,7 @@ class Fitting:
 
     def close(self) -> None:
         """Cancel the running fit, the queue and the questions."""
+        self._closed = True
         self._waiting = FitQueue()
         self._drop()
 
@@ -153,17 +155,17 @@ class Fitting:
         if len(sources) > MOST_PHOTOS:
             self.fit_each(sources)
             return
-        shown = self.shown
+        shown = FitHistory() if self.running and self._viewport.following else self.shown
         self.fit(*sources)
         self._offer(sources, shown)
 
     def _offer(self, sources: tuple[PhotoSource, ...], shown: FitHistory) -> None:
-        """Offer the other meaning of dropped photos: an object each, or another photo of the object on screen."""
+        """Offer the other meaning of dropped photos: an object each, or another photo of the finished object shown."""
         name = shown.name
         if len(sources) > 1:
             text = f"{len(sources)} photos are fitted as one object"
             button = Button("An object each", partial(self._instead, sources, partial(self.fit_each, sources)))
-        elif shown.photos:
+        elif shown.photos and len(shown.sources) < MOST_PHOTOS:
             text = f"{sources[0].name} is fitted as a new object"
             add = partial(self._fit_more, shown, sources[0])
             button = Button("Another photo of", partial(self._instead, sources, add), name)
@@ -469,7 +471,7 @@ class Fitting:
         if sources:
             text = f"Left out, as another object: {', '.join(source.name for source in sources)}"
             button = Button("Fit by itself" if len(sources) == 1 else "Fit each", partial(self.fit_each, sources))
-            self._jobs.messages.notify(text, MessageKind.NOTE, buttons=(button,))
+            self._jobs.messages.notify(text, MessageKind.NOTE, buttons=(button,), relevant=lambda: not self._closed)
 
     def _hand_over(self, first: FitStep) -> None:
         """Add the first search's result while a second search checks it."""

@@ -215,7 +215,8 @@ class Decoder:
     def _source(self, record: Any) -> PhotoSource:
         key = PhotoSource, repr(record)
         if key not in self._values:  # a fitted photo's source is that of its history
-            source = typed(PhotoSource, record, name="source")
+            # A copy is of this machine: a project's own path must not name another file as its photo.
+            source = typed(PhotoSource, record, name="source")._replace(copy=None)
             name = Path(record.get("file_name") or "").name
             if name not in ("", ".."):
                 with suppress(ValueError, OSError):

@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from urllib.parse import quote
 
 from core.runtime.files import atomic_file
 from core.runtime.reading import MAX_TEXT, reading
@@ -90,7 +91,9 @@ def _untrusted(path: Path) -> Iterator[sqlite3.Connection]:
         raise FileNotFoundError(path)
     if path.stat().st_size > _MAX_FILE:
         raise ValueError(f"a project has at most {_MAX_FILE / 1e6:.0f} MB")
-    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as connection:
+    with closing(
+        sqlite3.connect(f"file:{quote(path.absolute().as_posix())}?mode=ro&immutable=1", uri=True)
+    ) as connection:
         connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 4 * MAX_TEXT)
         for pragma in ("trusted_schema = OFF", "cell_size_check = ON", "query_only = ON", "mmap_size = 0"):
             connection.execute(f"PRAGMA {pragma}")

@@ -3,6 +3,7 @@
 import sqlite3
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 
 import numpy as np
 from jaxtyping import UInt8
@@ -15,13 +16,14 @@ _MAX_BYTES = 64_000_000  # of pixels
 
 
 def read_pictures(connection: sqlite3.Connection) -> dict[str, Pixels]:
-    """Return images by name, the oldest first."""
+    """Return images by name, the oldest first, without damaged ones."""
     rows = connection.execute("SELECT name, width, height, pixels FROM pictures ORDER BY rowid")
     pictures = dict[str, Pixels]()
     for name, width, height, pixels in rows:
         if name.startswith(_RENDERS) and 0 < 4 * width * height <= _MAX_BYTES:
-            content = zlib.decompressobj().decompress(pixels, 4 * width * height)
-            pictures[name.removeprefix(_RENDERS)] = np.frombuffer(content, np.uint8).reshape(height, width, 4)
+            with suppress(zlib.error, ValueError):
+                content = zlib.decompressobj().decompress(pixels, 4 * width * height)
+                pictures[name.removeprefix(_RENDERS)] = np.frombuffer(content, np.uint8).reshape(height, width, 4)
     return pictures
 
 

@@ -82,6 +82,9 @@ class SessionRows:
             self._known = {key: row for key, row in self._known.items() if key in there}
             with transaction(self._connection):
                 steps = self._write(project, status)
+        except sqlite3.Error:
+            self._blobs.forget_numbers()  # of rows that were rolled back, whose numbers others will have
+            raise
         self._steps = steps
         self._written = project
         self._known = {item.key: (item, _is_mine(item, project)) for item in project.objects}

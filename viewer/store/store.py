@@ -121,17 +121,26 @@ class Store:
         """Return how an object was fitted; an empty history if that is not known."""
 
         def read() -> FitHistory:
+            with suppress(ValueError, KeyError, sqlite3.Error):  # a damaged row
+                return found()
+            return FitHistory()
+
+        def found() -> FitHistory:
             query = "SELECT fit FROM objects WHERE key = ? AND fit NOT NULL"
             row = self._connection.execute(query, (int(key),)).fetchone()
-            with suppress(ValueError):
-                return self._reader().fit(row[0]) if row else FitHistory()
-            return FitHistory()
+            return self._reader().fit(row[0]) if row else FitHistory()
 
         return self._thread.submit(read)
 
     def pictures(self) -> dict[str, Pixels]:
         """Return the last images by name."""
-        return self._run(lambda: read_pictures(self._connection))
+
+        def read() -> dict[str, Pixels]:
+            with suppress(sqlite3.Error):  # damaged pages: images are rendered anew
+                return read_pictures(self._connection)
+            return {}
+
+        return self._run(read)
 
     def keep_pictures(self, make: Callable[[], Mapping[str, Pixels]]) -> None:
         """Store images for the next launch; ``make`` is called on the thread."""
@@ -150,7 +159,15 @@ class Store:
 
         The others become earlier ones, and so does a session that ended the program twice, which is noted.
         """
-        return self._run(self._claim)
+
+        def claim() -> int | None:
+            try:
+                return self._claim()
+            except sqlite3.Error as error:
+                self.notes.append(f"The last session could not be opened ({error})")
+                return None
+
+        return self._run(claim)
 
     def _claim(self) -> int | None:
         condition = "status = 'closed' OR status = 'open' AND (display = ? OR seen < ?)"

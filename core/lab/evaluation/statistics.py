@@ -31,26 +31,6 @@ def mean_of(values: Collection[float]) -> Mean:
     return Mean(float(array.mean()), float(low), float(high))
 
 
-def fraction_within(values: Collection[float], limit: float) -> Mean:
-    """Return the fraction of values that are at most ``limit``, 0..1, with its interval.
-
-    Example:
-        >>> fraction_within([1.0, 2.0, 9.0, 9.0], 5.0).mean
-        0.5
-    """
-    return mean_of([float(value <= limit) for value in values])
-
-
-def format_fraction(fraction: Mean) -> str:
-    """Format a fraction of 0..1 as per cent with its interval.
-
-    Example:
-        >>> format_fraction(Mean(0.8, 0.634, 0.93))
-        '80 % (63 to 93)'
-    """
-    return f"{100 * fraction.mean:.0f} % ({100 * fraction.low:.0f} to {100 * fraction.high:.0f})"
-
-
 def format_difference(difference: Mean) -> str:
     """Format a paired difference with its sign and its interval.
 
