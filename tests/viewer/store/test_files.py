@@ -120,6 +120,25 @@ def test_a_project_that_is_handed_on_brings_its_photos_and_names_no_folder(
     assert source.name == photo.name and source.file.read_bytes() == content
 
 
+def test_a_project_cannot_name_a_file_of_this_machine_as_a_photo(
+    saved: Project, session: Session, photo: Path, tmp_path: Path
+) -> None:
+    secret = tmp_path / "secret.png"
+    secret.write_bytes(b"private")
+    path = tmp_path / "a.codenerf"
+    named = f'"file_name": "{photo.name}"'
+    secretly = f'"file_name": "", "copy": "{secret}"'  # the second of two equal names counts
+    changed = f"replace(content, '{named}', '{secretly}')"
+    where = f"typeof(content) = 'text' AND instr(content, '{named}')"
+    with closing(sqlite3.connect(path)) as connection:
+        assert connection.execute(f"SELECT count(*) FROM blobs WHERE {where}").fetchone()[0]
+    change(path, f"UPDATE blobs SET content = {changed} WHERE {where}")
+    session.open_project(path)
+    finish(session, lambda: not session.fitting.pending)
+    assert session.fitting.shown.sources
+    assert all(source.copy is None for source in session.fitting.shown.sources)
+
+
 def test_objects_of_a_missing_model_are_saved_unchanged(saved: Project, tmp_path: Path) -> None:
     files = dict.fromkeys(saved.model_files, "/gone/chairs.safetensors")
     Store().save(replace(saved, model_files=files), tmp_path / "a.codenerf")
