@@ -155,9 +155,11 @@ def copy_readable(old: sqlite3.Connection, new: sqlite3.Connection) -> None:
 def _readable_rows(connection: sqlite3.Connection, table: str) -> Iterator[tuple]:
     """Yield the rows from either end of a table to its first damaged page."""
     for order in ("ASC", "DESC"):
-        with suppress(sqlite3.Error):
+        try:
             yield from connection.execute(f"SELECT * FROM {table} ORDER BY rowid {order}")
-            return
+        except sqlite3.Error:
+            continue  # from the other end
+        return
 
 
 def is_sound(connection: sqlite3.Connection) -> bool:

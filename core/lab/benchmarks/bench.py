@@ -125,7 +125,7 @@ def _results(tasks: Iterator[Task], datasets: tuple[Path, ...]) -> Iterator[tupl
     """Yield the rows of each task as they are finished, from processes of one thread each, one for each core."""
     with parallel_config("loky", n_jobs=thread_count(), inner_max_num_threads=1):
         parallel = Parallel(return_as="generator_unordered", pre_dispatch="n_jobs", batch_size=1)
-        yield from parallel(delayed(_measure)(task, datasets, os.getpid()) for task in tasks)
+    yield from parallel(delayed(_measure)(task, datasets, os.getpid()) for task in tasks)
 
 
 def _measure(task: Task, datasets: tuple[Path, ...], command: int) -> tuple[Task, Sequence[object]]:
