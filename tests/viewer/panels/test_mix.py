@@ -46,7 +46,7 @@ def test_the_pad_mixes_shape_across_and_texture_upwards(window: Driver, model: M
     inset = (pad.max.x - pad.min.x) / 10
     dot = ImVec2(pad.min.x + inset, pad.max.y - inset)
     window.wait()
-    assert len(window.session.thumbnails.newest) >= 25  # the mixes are seen before one drags
+    assert len(window.session.thumbnails.newest()()) >= 25  # the mixes are seen before one drags
     window.ctx.mouse_move_to_pos(dot)  # the middle of the dot, in the corner of A
     window.ctx.mouse_down(0)
     window.ctx.yield_(2)

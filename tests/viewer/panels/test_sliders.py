@@ -209,9 +209,9 @@ def test_the_slider_under_the_mouse_shows_where_it_leads(window: Driver) -> None
     session = window.session
     window.show("Sliders")
     window.wait()
-    before = len(session.thumbnails.newest)
+    before = len(session.thumbnails.newest()())
     window.ctx.mouse_move("//Sliders/**/##shape 1")
-    window.wait(lambda: len(session.thumbnails.newest) >= before + 3)
+    window.wait(lambda: len(session.thumbnails.newest()()) >= before + 3)
     assert not session.editor.history.past
 
 
