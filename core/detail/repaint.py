@@ -13,9 +13,10 @@ from core.detail.lookup import ColourMatch, smooth_step
 from core.geometry.pixels import lightness
 
 _OTHER_HUE = 0.16, 0.06  # chroma across the paint's, over lightness: another hue up to the first, paint from the second
-_DULL, _VIVID = (0.15, 0.5), (3.0, 2.0)  # chroma along the paint's, over that in this light, likewise
-_SHADE, _BRIGHT = (0.35, 0.6), (2.4, 1.7)
-"""Lightness over the paint's, likewise: glass and trim, and lettering. Chroma along the paint's confirms a shade."""
+_DULL = 0.15, 0.5  # chroma along the paint's, over that in this light, likewise
+_VIVID = 3.0, 2.0
+_SHADE = 0.35, 0.6  # lightness over the paint's, likewise, of glass and trim; chroma along the paint's confirms it
+_BRIGHT = 2.4, 1.7  # of lettering
 _GREYISH = 0.05  # chroma added to both of a ratio
 _LIGHTEST = 1.6  # largest light on paint
 _OTHER_PAINT = 0.5  # difference of renders from which the new paint replaces the old one completely

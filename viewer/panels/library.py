@@ -26,8 +26,7 @@ class Version(NamedTuple):
     number: int  # place among the versions, from 0
 
 
-Tile = str | Version | FitRequest
-"""An object, by name; a version of one; a waiting photo."""
+Tile = str | Version | FitRequest  # an object, by name; a version of one; a waiting photo
 
 _INVITATION = "What you fit to photos comes here."
 _STRIP = 9.0  # em: a lower panel is a strip

@@ -22,8 +22,7 @@ USED_BY_SESSION = _USED.format(
     objects="key IN (SELECT object FROM members WHERE session = :session)",
     steps="session = :session",
     sessions="id = :session",
-)
-"""Begin of a query: the contents that rows of a session and its objects need."""
+)  # begin of a query: the contents that rows of a session and its objects need
 
 
 class Blobs:

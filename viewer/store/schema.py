@@ -115,7 +115,8 @@ def _is_on_network(path: Path) -> bool:
         with suppress(OSError), closing(Path("/proc/mounts").open()) as mounts:
             for _, mount, mount_kind, *_ in map(str.split, mounts):
                 if len(mount) >= len(longest) and f"{folder}/".startswith(f"{mount.rstrip('/')}/"):
-                    kind, longest = mount_kind, mount
+                    kind = mount_kind
+                    longest = mount
     return kind in _NETWORKS
 
 

@@ -59,8 +59,7 @@ class State:
     scene: Scene
     mix: Mix
     removed: frozenset[str] = frozenset()  # names of unlisted added objects
-    is_a: bool = False
-    """The codes are those of object A, perhaps edited: not sampled."""
+    is_a: bool = False  # the codes are those of object A, perhaps edited: not sampled
 
     @property
     def version_of(self) -> str:

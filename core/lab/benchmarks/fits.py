@@ -67,16 +67,14 @@ SPEED = {
     **{name: FitCase(settings) for name, settings in PRESETS.items()},
     "codes alone": FitCase(_CODES),
     **{f"{count} photos": FitCase(_USUAL, count) for count in (2, 3, 5)},
-}
-"""Cases that show speed against accuracy; their cameras are unknown."""
+}  # speed against accuracy; the cameras are unknown
 LEVELS = {"mean object": 0, "8 + 8": 8, "16 + 16": 16, "32 + 32": 32, "all codes": None, "biases": None}
 """free numbers, and the directions of shape and texture codes"""
 FREEDOM = {
     f"{level}, {count}": FitCase(_USUAL if level == "biases" else _CODES, count, True, directions)
     for level, directions in LEVELS.items()
     for count in (1, 2, 3, 5)
-}
-"""Cases that show what more freedom is worth; their cameras are known."""
+}  # the worth of more freedom; the cameras are known
 PAPER = {f"paper, {count} posed": FitCase(PRESETS["paper"], count, True) for count in (1, 2)}
 """The paper's recipe with the paper's one and two views."""
 WITHOUT = {
@@ -94,8 +92,7 @@ WITHOUT = {
         "mask loss": FitCase(_USUAL, components=Components(mask_loss=False)),
         "bfloat16": FitCase(_USUAL, dtype=torch.float32),
     }.items()
-}
-"""Cases that leave one component of the default out."""
+}  # each leaves one component of the default out
 CASES = SPEED | FREEDOM | PAPER | WITHOUT
 QUICK = tuple(name for name, case in (SPEED | FREEDOM | PAPER).items() if case.photos in (1, 3) and name != "fine")
 

@@ -130,5 +130,4 @@ STRESSORS = {
     "focal": Stressor("Focal length stated", "of the true one", (0.5, 0.75, 1.5), harmless=1.0, focal=True),
     "stranger": Stressor("Another category", "", (1.0,), stranger=True),
     "intruder": Stressor("Wrong photo among three", "", (1.0,), intruders=1),
-}
-"""Every object is tried with every level of each."""
+}  # every object is tried with every level of each

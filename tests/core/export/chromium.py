@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
+_LONGEST = 180_000  # ms, of a wait
 _NAMES = "chromium", "chromium-browser", "google-chrome"
 _FLAGS = (
     *("--headless", "--no-sandbox", "--no-first-run", "--disable-background-networking", "--disable-component-update"),
@@ -107,9 +108,11 @@ class Chromium:
         self.wait("['turns', 'still'].includes(document.body?.dataset.state)")
 
     def wait(self, condition: str, context: int | None = None) -> None:
-        """Wait until a condition is true in the page."""
-        again = f"const again = () => {condition} ? done() : setTimeout(again, 50); again();"
-        self.evaluate(f"new Promise((done) => {{ {again} }})", context)
+        """Wait until a condition is true in the page; fail after minutes."""
+        late = f"performance.now() > until ? fail(Error({json.dumps(condition)} + ' stays false'))"
+        again = f"const again = () => {condition} ? done() : {late} : setTimeout(again, 50);"
+        began = f"const until = performance.now() + {_LONGEST};"
+        self.evaluate(f"new Promise((done, fail) => {{ {began} {again} again(); }})", context)
 
     def expect(self, event: str) -> None:
         """Wait for an event of the protocol."""
