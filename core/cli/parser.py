@@ -199,7 +199,7 @@ def _add_page(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--name", metavar="TEXT", help="the object's name (default: the scene file's)")
     _add_variants(command, "scenes of the same shape; each is a swatch by the name of its file")
     _add_dimensions(command, "with a switch")
-    ar = "for phones: holds a usdz for iPhones; writes X.glb beside it for Android, where both are on a web server"
+    ar = "for phones: holds a usdz for iPhones; writes X.room.glb beside it for Android, where both are on a web server"
     command.add_argument("--ar", action="store_true", help=ar)
     command.add_argument("--out", type=Path, required=True, metavar="X.html")
 

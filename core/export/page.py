@@ -48,6 +48,7 @@ from core.runtime.modes import isolated
 
 MAX_BYTES = 2_000_000  # of a page: accepted by every mail service and messenger
 SUFFIX = ".html"
+ROOM_SUFFIX = ".room.glb"  # of the file for phones beside a page; a mesh of the same name stays
 _POSTER, _ICON = 512, 64  # px
 _LINK_QUALITY = 80  # of the JPEG for previews of links
 _AROUND = 12  # cameras around the object, all of which see all of it
@@ -116,7 +117,7 @@ def write_page(
         if extras.unit:
             more["dimensions"] = _dimensions(instance, extras.unit)
         if extras.room:
-            more["room"] = yield from _room(instance, variants, path.with_suffix(".glb"))
+            more["room"] = yield from _room(instance, variants, path.with_name(f"{path.stem}{ROOM_SUFFIX}"))
         unfinished.write_text(page(looks, camera, name, more), encoding="utf-8")
 
 

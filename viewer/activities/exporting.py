@@ -6,7 +6,7 @@ from pathlib import Path
 
 from core.export.dimensions import draw_dimensions
 from core.export.films import View
-from core.export.page import PageExtras
+from core.export.page import ROOM_SUFFIX, PageExtras
 from core.models.model import Instance
 from core.models.scene import Scene, save_image
 from viewer.activities.film_previews import FilmPreviews
@@ -92,7 +92,7 @@ class Exporting:
         for _ in self._jobs.backend.page(instance, camera, path, title, extras):
             yield 0.0
         if settings.room:
-            self._note = f"{path.stem}.glb beside it is for Android phones"
+            self._note = f"{path.stem}{ROOM_SUFFIX} beside it is for Android phones"
 
     def _picture(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
         view = settings.views(scene)[0]

@@ -115,7 +115,7 @@ IPHONE = "DOMTokenList.prototype.supports = (name) => name === 'ar'"
 
 
 @pytest.mark.parametrize(
-    ("device", "words"), [("", "on an iPhone"), (ANDROID, "stool.glb on a web server"), (IPHONE, None)]
+    ("device", "words"), [("", "on an iPhone"), (ANDROID, "stool.room.glb on a web server"), (IPHONE, None)]
 )
 def test_phones_place_the_object_in_a_room(
     chromium: Chromium, swatches: tuple[Path, dict[str, Instance]], device: str, words: str | None
@@ -136,6 +136,6 @@ def test_phones_place_the_object_in_a_room(
         ]
         content = "bytes(scene.room.usdz).then((file) => [...file.slice(0, 4)])"
         assert chromium.evaluate(content) == [*b"PK\x03\x04"]
-        document = gltf_of(path.with_suffix(".glb"))
+        document = gltf_of(path.with_name(f"{path.stem}.room.glb"))
         names = [entry["name"] for entry in document["extensions"]["KHR_materials_variants"]["variants"]]
         assert names == [*variants]
