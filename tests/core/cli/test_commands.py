@@ -153,7 +153,7 @@ def test_scenes_of_one_shape_are_variants_of_a_mesh_and_of_a_page(capsys: pytest
     assert "two variants are named red" in refused(capsys, f"{mesh} --variants red.png red.png --out b.glb")
     run("page --model m.safetensors --scene plain.png --variants red.png --dimensions in --ar --out a.html")
     text = Path("a.html").read_text()
-    assert '"name":"red","colour":"#' in text and ' in"' in text and '"glb":"a.glb"' in text
+    assert '"name":"red","colour":"#' in text and ' in"' in text and '"glb":"a.room.glb"' in text
 
 
 def test_a_mesh_stands_on_the_ground_in_natural_size_and_may_be_too_large_to_print(capsys: pytest.CaptureFixture[str]):
