@@ -16,10 +16,11 @@ from core.models.scene import Scene
 from viewer.services.signal import Signal
 from viewer.values import orbit
 from viewer.values.direction import Direction
-from viewer.values.history import History, Mix, Pair, State
+from viewer.values.history import History
 from viewer.values.objects import EditableObject, ObjectLibrary
 from viewer.values.project import Project
 from viewer.values.restoring import can_show, first_mix, is_missing, reopened, restored
+from viewer.values.state import Mix, Pair, State
 
 
 class Editor:
@@ -319,7 +320,7 @@ class Editor:
         return history if self.can_show(history.now) else self.history
 
     def go_to(self, number: int) -> None:
-        """Go to a step of undo, perhaps of another branch, by its index in :attr:`History.steps`.
+        """Go to a step of undo, perhaps of another branch, by its number.
 
         Nothing happens if it cannot be shown.
         """
@@ -330,9 +331,9 @@ class Editor:
     def show_state(self, state: State) -> None:
         """Go to a state of undo that had to wait for its model."""
         scene = replace(state.scene, instance=self.models.adopt(state.scene.instance))
-        scenes = [step.state.scene for step in self.history.steps]
-        if scene in scenes:
-            self.go_to(scenes.index(scene))
+        numbers = (number for number, step in self.history.steps.items() if step.state.scene == scene)
+        if (number := next(numbers, None)) is not None:
+            self.go_to(number)
 
     # Not edits
 

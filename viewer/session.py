@@ -325,7 +325,7 @@ class Session:
 
     def _tell_missing(self, project: Project) -> None:
         """Tell which models and which parts of a project are missing, and what becomes of them."""
-        instances = [state.scene.instance for state, _ in project.history.steps]
+        instances = [state.scene.instance for state, _ in project.history.steps.values()]
         instances += [added.instance for added in project.objects]
         models = dict.fromkeys(instance.fingerprint for instance in instances if instance.is_missing)
         dismiss = (Button("OK", lambda: None),)

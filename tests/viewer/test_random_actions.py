@@ -61,7 +61,9 @@ class Made:
         if editor.history.gesture:
             return
         objects = {key(added.original): f"object {added.name}" for added in editor.objects.ever_added}
-        states = {key(state.scene.instance): f"state of {state.mix.a.words}" for state, _ in editor.history.steps}
+        states = {
+            key(state.scene.instance): f"state of {state.mix.a.words}" for state, _ in editor.history.steps.values()
+        }
         self._follow(states | objects)
         self._newest[0].update(objects.keys() - self._trained)
         self._newest[1].update(states.keys() - self._trained)
@@ -92,7 +94,7 @@ class Made:
         read = [session.store.session(earlier.number, session.editor.state) for earlier in session.store.earlier]
         projects = [project.adopted(session.models) for project in read]
         kept = [item for project in projects for item in project.objects] + list(window.session.editor.objects.added)
-        states = [state for project in projects for state, _ in project.history.steps]
+        states = [state for project in projects for state, _ in project.history.steps.values()]
         lost = self.objects - {key(item.original) for item in kept}
         lost |= self.shown - {key(state.scene.instance) for state in states}
         assert not lost, self.story(lost)

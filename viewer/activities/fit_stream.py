@@ -85,7 +85,7 @@ def fit_stream(
         for _ in backend.view_bank(model):
             yield None
         photos.append(backend.frame_photo(cut, model, source))
-        yield FittedPhoto.of(source, photos[-1], preview)
+        yield FittedPhoto(source, photos[-1], preview)
     assert model is not None, "no photo"
     job = FitJob(tuple(photos), settings, resume_from=request.resume_from)
     past = history.last.seconds if history.last else 0.0

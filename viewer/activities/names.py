@@ -11,9 +11,9 @@ from core.models.model import Instance
 from viewer.activities.direction_words import DirectionWords
 from viewer.editor import Editor
 from viewer.values.direction import Direction
-from viewer.values.history import Pair
 from viewer.values.naming import colour_word
 from viewer.values.objects import unique_name
+from viewer.values.state import Pair
 from viewer.values.variety import readable
 
 _NUMBERED = re.compile(r" \(\d+\)$")  # end of a version's name that no person chose

@@ -8,7 +8,8 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from core.detail.progressive import Frame
 from viewer.activities.thumbnails import SIZE
 from viewer.context import PanelContext
-from viewer.values.history import Branch, Edit, History, State
+from viewer.values.history import Branch, Edit, History
+from viewer.values.state import State
 from viewer.widgets import missing_tiles, object_tiles
 from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
 from viewer.widgets.text import push_small

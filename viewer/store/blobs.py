@@ -2,10 +2,9 @@
 
 import hashlib
 import sqlite3
-import weakref
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, MutableMapping
 from typing import Any, TypeVar
+from weakref import WeakKeyDictionary
 
 from core.runtime.reading import parse_json
 
@@ -30,7 +29,8 @@ class Blobs:
 
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._connection = connection
-        self._numbers: dict[int, tuple[weakref.ref, int]] = {}  # of values in memory, by id
+        self.numbers: MutableMapping[Any, int] = WeakKeyDictionary()
+        """Numbers of values in memory. Another window may delete their contents, after which nothing is known."""
 
     def add(self, content: bytes | str, parts: Iterable[int] = ()) -> int:
         """Store a content unless it is there, and return its number.
@@ -52,17 +52,6 @@ class Blobs:
         row = self._connection.execute("SELECT id FROM blobs WHERE digest = ?", (digest,)).fetchone()
         return row[0] if row else None
 
-    def number_of(self, value: object) -> int | None:
-        """Return the number of a value in memory that was noted."""
-        reference, number = self._numbers.get(id(value), (None, 0))
-        return number if reference is not None and reference() is value else None
-
-    def note(self, value: object, number: int) -> None:
-        """Note the number of a value while it is in memory; tuples, which are small, are not noted."""
-        key = id(value)
-        with suppress(TypeError):
-            self._numbers[key] = weakref.ref(value, lambda _: self._forget(key)), number
-
     def content(self, number: int, kind: type[T]) -> T:
         """Return a content of type bytes or str by its number. Raises ``ValueError`` if it is missing."""
         row = self._connection.execute("SELECT content FROM blobs WHERE id = ?", (number,)).fetchone()
@@ -78,16 +67,7 @@ class Blobs:
         """Delete the objects that nobody lists and no session has, and the contents that no row needs."""
         self._connection.execute("DELETE FROM objects WHERE NOT mine AND key NOT IN (SELECT object FROM members)")
         self._connection.execute(f"{USED} DELETE FROM blobs WHERE id NOT IN (SELECT id FROM used)")
-        self.forget_numbers()
-
-    def forget_numbers(self) -> None:
-        """Look every value up again, as another window may have deleted its content."""
-        self._numbers.clear()
-
-    def _forget(self, key: int) -> None:
-        entry = self._numbers.get(key)
-        if entry and entry[0]() is None:
-            del self._numbers[key]
+        self.numbers.clear()
 
 
 def digest_of(content: bytes | str) -> bytes:

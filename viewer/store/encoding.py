@@ -4,7 +4,7 @@ import io
 import json
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -30,22 +30,23 @@ from viewer.store.blobs import Blobs
 from viewer.values.cut_out_preview import CutOutPreview, read_compressed
 from viewer.values.fit_history import FittedPhoto, PhotoSource
 
-_SHARED = Instance, PhotoView, Erasure, FittedPhoto  # types that many values share: JSON of their own
-_BESIDE_IMAGE = (
-    *("camera", "cropped", "scaled", "unseen", "opacity", "edge_error", "focal", "blur", "mask_confidence"),
-    "side",
-)  # fields of a photo that a PNG cannot store
+_NOTED = Instance, PhotoView, FittedPhoto  # types of which values in memory are not stored again
+_SHARED = *_NOTED, Erasure  # types that many values share: JSON of their own
+_IN_IMAGE = "pixels", "mask"  # fields of a photo that a PNG stores
 _MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000  # bytes of RGBA pixels: of one photo, and of all photos
 _MAX_TENSOR = 64_000_000  # bytes
 
 
 def put(blobs: Blobs, value: Any) -> int:
     """Store a value as JSON with its parts, and return the number of the JSON."""
-    if (number := blobs.number_of(value)) is None:
-        encoder = Encoder(blobs)
-        content = json.dumps(encoder.encode(value, whole=True))
-        number = blobs.add(content, encoder.parts)
-        blobs.note(value, number)
+    is_noted = isinstance(value, _NOTED)
+    if is_noted and (number := blobs.numbers.get(value)) is not None:
+        return number
+    encoder = Encoder(blobs)
+    content = json.dumps(encoder.encode(value, whole=True))
+    number = blobs.add(content, encoder.parts)
+    if is_noted:
+        blobs.numbers[value] = number
     return number
 
 
@@ -98,16 +99,11 @@ class Encoder:
 
     def photo(self, photo: Photo) -> dict[str, Any]:
         """Encode a photo, its pixels as an image."""
-        image = self._content(encode_photo(photo))
-        fine = photo.fine and self._content(photo.fine)
-        return {"image": image, "fine": fine} | self.fields(photo, *_BESIDE_IMAGE)
+        return {"image": self._content(encode_photo(photo))} | self.fields(photo, *_BESIDE_IMAGE)
 
-    def fitted(self, fitted: FittedPhoto) -> dict[str, Any]:
-        """Encode a fitted photo with the whole photo beside it."""
-        record = self.fields(fitted, "source", "photo")
-        if preview := fitted.preview:
-            record |= {"preview": self._content(preview.compressed), "boxes": self.encode(preview.boxes)}
-        return record
+    def preview(self, preview: CutOutPreview) -> dict[str, Any]:
+        """Encode a whole photo as a smaller image."""
+        return self.fields(preview, "compressed", "boxes")
 
     def source(self, source: PhotoSource) -> dict[str, Any]:
         """Encode a photo to fit with its file, if there is a copy; then a name does in place of its path."""
@@ -120,7 +116,7 @@ class Encoder:
 
 _ENCODERS: dict[Any, Callable[[Encoder, Any], dict[str, Any]]] = {
     Photo: Encoder.photo,
-    FittedPhoto: Encoder.fitted,
+    CutOutPreview: Encoder.preview,
     PhotoSource: Encoder.source,
 }
 
@@ -147,8 +143,8 @@ class Decoder:
 
         Raises ``ValueError`` for other content.
         """
-        if whole_value and kind in _WHOLE:
-            return _WHOLE[kind](self, record)
+        if whole_value and kind is Instance:
+            return self._instance(record)
         inner = partial(self._reader, excluded=kind if whole_value else None)
         value = typed(kind, record, inner, getattr(kind, "__name__", "it").lower())
         if isinstance(value, PhotoView):
@@ -197,20 +193,18 @@ class Decoder:
         beside = {name: self.decode(kinds[name], record[name]) for name in _BESIDE_IMAGE if name in record}
         photo = decode_photo(self._bytes(record["image"]), min(_MAX_PHOTO, self._left), **beside)
         self._left -= 4 * photo.mask.numel()
-        if record.get("fine") is None:
-            return photo
-        fine = self._bytes(record["fine"])
-        decompressed(fine)  # raises if damaged
-        return replace(photo, fine=fine)
+        if photo.fine:
+            decompressed(photo.fine)  # raises if damaged
+        return photo
 
-    def _fitted_photo(self, record: Any) -> FittedPhoto:
-        source = self._source(record["source"])
-        preview = optional(lambda: self._preview(record)) if "preview" in record else None
-        return FittedPhoto.of(source, self._photo(record["photo"]), preview)
+    def _preview(self, record: Any) -> CutOutPreview | None:
+        """Decode the whole photo; None if it is damaged, as the fit can do without."""
 
-    def _preview(self, record: Any) -> CutOutPreview:
-        pixels = read_compressed(self._bytes(record["preview"]))
-        return CutOutPreview(pixels, self.decode(tuple[Box, ...], record["boxes"]))
+        def decoded() -> CutOutPreview:
+            pixels = read_compressed(self._bytes(record["compressed"]))
+            return CutOutPreview(pixels, self.decode(tuple[Box, ...], record["boxes"]))
+
+        return optional(decoded)
 
     def _source(self, record: Any) -> PhotoSource:
         key = PhotoSource, repr(record)
@@ -231,14 +225,10 @@ class Decoder:
 
 _DECODERS: dict[Any, Callable[[Decoder, Any], Any]] = {
     Photo: Decoder._photo,
+    CutOutPreview: Decoder._preview,
     PhotoSource: Decoder._source,
     PhotoDetail: Decoder._detail,
     tuple[Edit, ...]: lambda _, record: read_edits(record),
-}
-
-_WHOLE: dict[Any, Callable[[Decoder, Any], Any]] = {
-    Instance: Decoder._instance,
-    FittedPhoto: Decoder._fitted_photo,
 }
 
 
@@ -265,3 +255,7 @@ def decode_photo(file: bytes, most: int = _MAX_PHOTO, **beside: Any) -> Photo:
 @cache
 def _names(kind: Any) -> tuple[str, ...]:
     return tuple(item.name for item in fields(kind)) if is_dataclass(kind) else kind._fields
+
+
+_BESIDE_IMAGE = tuple(name for name in _names(Photo) if name not in _IN_IMAGE)
+"""Fields of a photo that a PNG lacks."""

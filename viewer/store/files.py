@@ -14,8 +14,8 @@ from viewer.store.encoding import Decoder
 from viewer.store.photo_copies import PhotoCopies
 from viewer.store.rows import SessionReader
 from viewer.store.schema import APPLICATION, VERSION, connect, copy_readable, is_sound, schema_version, transaction
-from viewer.values.history import State
 from viewer.values.project import Project
+from viewer.values.state import State
 
 _MAX_FILE = 400_000_000  # bytes of a project
 _LONGEST = 20.0  # s that reading a project may take

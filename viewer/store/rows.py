@@ -9,39 +9,28 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from core.models.model import Instance
+from core.runtime.numbers import whole
 from core.runtime.reading import first_line, typed
 from viewer.store.blobs import Blobs
 from viewer.store.encoding import Decoder, put
 from viewer.store.schema import transaction
 from viewer.values.fit_history import FitHistory, FitRequest
-from viewer.values.history import History, State, Step
+from viewer.values.history import History, Step
 from viewer.values.objects import EditableObject, unique_name
 from viewer.values.project import Project
+from viewer.values.state import State
 
 _MAX_STEPS = 32  # steps of a finished fit that are kept, for its curve
 _MAX_ROWS = 10_000  # of a kind that are read of a session
+
+
+_NOTHING = Project(History({}))
 
 
 class Pending(NamedTuple):
     """Requests for fits that are not finished."""
 
     requests: tuple[FitRequest, ...]
-
-
-class _Steps(NamedTuple):
-    """Rows of a history."""
-
-    rows: dict[int, tuple[int, int]]  # number of the parent's row, number of the content, by number of the row
-    states: dict[int, tuple[State, int, int]]  # states with the numbers of their rows and contents, by id
-
-    def numbered(self, states: Iterable[State]) -> list[int]:
-        """Return increasing numbers of rows for states: those of before if the order allows that."""
-        free = max(self.rows, default=-1) + 1
-        numbers = list[int]()
-        for state in states:
-            numbers.append(self.states[id(state)][1] if id(state) in self.states else free)
-            free += numbers[-1] == free
-        return numbers if numbers == sorted(set(numbers)) else [*range(len(numbers))]
 
 
 class SessionRows:
@@ -56,8 +45,7 @@ class SessionRows:
         self._clock = clock
         self._owner = secrets.token_hex(8)
         self._known: dict[str, tuple[EditableObject, bool]] = {}  # objects as their rows have them, and as *Mine*
-        self._written = Project(History(()))  # as the rows have it
-        self._steps = _Steps({}, {})  # rows of its history
+        self._written = _NOTHING  # as the rows have it
 
     def know(self, objects: Iterable[EditableObject]) -> None:
         """Take note of objects of *Mine* that were read, and need not be written."""
@@ -74,43 +62,40 @@ class SessionRows:
     def write(self, project: Project, status: str = "open") -> None:
         """Write changes since the last call, in one transaction. Raises ``sqlite3.Error`` on failure."""
         try:
-            with transaction(self._connection):
-                steps = self._write(project, status)
+            self._write(project, status)
         except sqlite3.IntegrityError:  # another window has deleted something that this one still has
-            self._blobs.forget_numbers()
             there = {str(key) for (key,) in self._connection.execute("SELECT key FROM objects")}
             self._known = {key: row for key, row in self._known.items() if key in there}
-            with transaction(self._connection):
-                steps = self._write(project, status)
-        except sqlite3.Error:
-            self._blobs.forget_numbers()  # of rows that were rolled back, whose numbers others will have
-            raise
-        self._steps = steps
+            self._write(project, status)
         self._written = project
         self._known = {item.key: (item, _is_mine(item, project)) for item in project.objects}
 
-    def _write(self, project: Project, status: str) -> "_Steps":
+    def _write(self, project: Project, status: str) -> None:
+        try:
+            with transaction(self._connection):
+                self._write_session(project, status)
+        except sqlite3.Error:
+            self._blobs.numbers.clear()  # of rows that were rolled back, whose numbers others will have
+            raise
+
+    def _write_session(self, project: Project, status: str) -> None:
         now = self._clock()
         if not self.beat():
             self.number = None  # another window has gone on with it while this one slept
-            self._written = Project(History(()))
-            self._steps = _Steps({}, {})
+            self._written = _NOTHING
             values = status, self._display, self._owner, now, now
             inserted = self._connection.execute(
                 "INSERT INTO sessions (status, display, owner, seen, changed) VALUES (?, ?, ?, ?, ?)", values
             )
             self.number = inserted.lastrowid
         self._write_objects(project)
-        steps = self._write_steps(project)
+        self._write_steps(project)
         requests = tuple(request._replace(history=_thinned(request.history)) for request in project.pending)
         pending = put(self._blobs, Pending(requests)) if requests else None
         path = str(project.path) if project.path else None
-        numbers = [*steps.rows]
-        ends = numbers[project.history.current], numbers[project.history.tip]
         assignments = "status = ?, changed = ?, current = ?, tip = ?, pending = ?, project = ?"
-        row = status, now, *ends, pending, path, self.number
+        row = status, now, project.history.current, project.history.tip, pending, path, self.number
         self._connection.execute(f"UPDATE sessions SET {assignments} WHERE id = ?", row)
-        return steps
 
     def beat(self) -> bool:
         """Tell other windows that this one is alive; False if the session is not this window's, or has no rows."""
@@ -150,25 +135,19 @@ class SessionRows:
             values,
         )
 
-    def _write_steps(self, project: Project) -> "_Steps":
+    def _write_steps(self, project: Project) -> None:
         """Write the steps that differ, objects in them by their keys, as other sessions may rename them."""
         keys = {item.name: f"#{item.key}" for item in project.objects}
-        states, parents = zip(*project.history.steps, strict=True)
-        numbers = self._steps.numbered(states)
-        written = dict[int, tuple[State, int, int]]()
-        rows = dict[int, tuple[int, int]]()
-        for number, state, parent in zip(numbers, states, parents, strict=True):
-            known = self._steps.states.get(id(state))
-            content = known[2] if known else put(self._blobs, state.renamed(keys))
-            written[id(state)] = state, number, content
-            rows[number] = numbers[parent] if parent >= 0 else -1, content
-        before = self._steps.rows
-        execute = self._connection.executemany
-        gone = ((self.number, number) for number in before.keys() - rows.keys())
-        execute("DELETE FROM steps WHERE session = ? AND number = ?", gone)
-        new = ((self.number, number, *row) for number, row in rows.items() if before.get(number) != row)
-        execute("INSERT OR REPLACE INTO steps VALUES (?, ?, ?, ?)", new)
-        return _Steps(rows, written)
+        before = self._written.history.steps
+        steps = project.history.steps
+        gone = [(self.number, number) for number in before.keys() - steps.keys()]
+        rows = [
+            (self.number, number, step.parent, put(self._blobs, step.state.renamed(keys)))
+            for number, step in steps.items()
+            if before.get(number) != step
+        ]
+        self._connection.executemany("DELETE FROM steps WHERE session = ? AND number = ?", gone)
+        self._connection.executemany("INSERT OR REPLACE INTO steps VALUES (?, ?, ?, ?)", rows)
 
 
 def _is_mine(item: EditableObject, project: Project) -> bool:
@@ -272,23 +251,22 @@ class SessionReader:
         """Return a history without unreadable states; readable ones are consecutive if they are no tree."""
         query = f"SELECT number, parent, state FROM steps WHERE session = ? ORDER BY number LIMIT {_MAX_ROWS}"
         rows = self._rows(query, number)
-        states = [self._try(partial(self._decoder.value, State, content)) for *_, content in rows]
-        unreadable = {place for place, state in enumerate(states) if state is None}
-        if len(unreadable) == len(states):
+        states = {step: self._try(partial(self._decoder.value, State, content)) for step, _, content in rows}
+        unreadable = {step for step, state in states.items() if state is None}
+        readable = [state.renamed(names) for state in states.values() if state]
+        if not readable:
             if now is None:
                 raise ValueError(*self.lost[:1])
             return History.of(now)
-        substitute = next(filter(None, states))
-        states = [(state or substitute).renamed(names) for state in states]
-        places = {step: place for place, (step, *_) in enumerate(rows)} | {-1: -1}
 
         def tree() -> History:
-            steps = tuple(Step(state, places[parent]) for state, (_, parent, _) in zip(states, rows, strict=True))
-            history = History(steps, places[current], places[tip])
+            renamed = {step: state.renamed(names) if state else readable[0] for step, state in states.items()}
+            steps = {whole(step): Step(renamed[step], whole(parent)) for step, parent, _ in rows}
+            history = History(steps, whole(current), whole(tip))
             history.check()
-            return history
+            return history.without(unreadable)
 
-        return (self._try(tree) or History.of(*states)).without(unreadable)
+        return self._try(tree) or History.of(*readable)
 
     def _rows(self, query: str, *values: Any) -> list[tuple]:
         """Return the rows of a query, up to the first damaged one."""

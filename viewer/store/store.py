@@ -17,9 +17,9 @@ from viewer.store.pictures import Pixels, read_pictures, write_pictures
 from viewer.store.rows import SessionReader, SessionRows
 from viewer.store.schema import connect, connect_sound, recovered, transaction
 from viewer.values.fit_history import FitHistory
-from viewer.values.history import State
 from viewer.values.objects import EditableObject
 from viewer.values.project import SUFFIX, Project
+from viewer.values.state import State
 
 T = TypeVar("T")
 
@@ -121,14 +121,11 @@ class Store:
         """Return how an object was fitted; an empty history if that is not known."""
 
         def read() -> FitHistory:
-            with suppress(ValueError, KeyError, sqlite3.Error):  # a damaged row
-                return found()
-            return FitHistory()
-
-        def found() -> FitHistory:
             query = "SELECT fit FROM objects WHERE key = ? AND fit NOT NULL"
-            row = self._connection.execute(query, (int(key),)).fetchone()
-            return self._reader().fit(row[0]) if row else FitHistory()
+            with suppress(ValueError, KeyError, sqlite3.Error):  # a damaged row
+                if row := self._connection.execute(query, (int(key),)).fetchone():
+                    return self._reader().fit(row[0])
+            return FitHistory()
 
         return self._thread.submit(read)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -50,13 +51,12 @@ class FittedPhoto:
 
     source: PhotoSource
     photo: Photo
-    pixels: UInt8[np.ndarray, "height width 3"]  # of the photo, as bytes
     preview: CutOutPreview | None = None  # the whole photo with its outline, saved smaller
 
-    @classmethod
-    def of(cls, source: PhotoSource, photo: Photo, preview: CutOutPreview | None = None) -> FittedPhoto:
-        """Return a fitted photo with the pixels of ``photo`` as bytes."""
-        return cls(source, photo, to_bytes(photo.pixels), preview)
+    @cached_property
+    def pixels(self) -> UInt8[np.ndarray, "height width 3"]:
+        """The pixels of the photo as bytes."""
+        return to_bytes(self.photo.pixels)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,144 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import groupby
+from itertools import groupby, pairwise
 from typing import NamedTuple
 
-from core.models.codes import CODE_KINDS
 from core.models.model import Instance
-from core.models.scene import Scene
+from viewer.values.state import Label, Pair, State
 from viewer.values.variety import readable
 
-Label = Callable[[str], str]  # the words for an object's name
+_LARGEST = 2**60  # limit of a step's number, so that later ones are integers of a database
 DEPTH = 500  # states kept beside the current one; a state holds a few hundred numbers
-
-
-class Pair(NamedTuple):
-    """The names of the objects whose shape and texture make one object."""
-
-    shape: str
-    texture: str
-
-    def words(self, label: Label = readable) -> str:
-        """Return the composed object's readable name."""
-        shape, texture = map(label, self)
-        return shape if self.shape == self.texture else f"{shape} as {texture}"
-
-
-@dataclass(frozen=True)
-class Mix:
-    """The mixed objects A and B, and the amount of B in shape and texture."""
-
-    a: Pair
-    b: str  # name
-    shape: float = 0.0  # 0 (A) to 1 (B)
-    texture: float = 0.0  # 0 (A) to 1 (B)
-
-    def with_amount(self, kind: str, amount: float) -> Mix:
-        """Return the mix with another amount of B in one code."""
-        return Mix(self.a, self.b, **({"shape": self.shape, "texture": self.texture} | {kind: amount}))
-
-    @property
-    def names(self) -> frozenset[str]:
-        """Names of the mixed objects."""
-        return frozenset((*self.a, self.b))
-
-    def renamed(self, names: Mapping[str, str]) -> Mix:
-        """Return the mix with objects renamed from keys to values of ``names``."""
-        return replace(self, a=Pair(*(names.get(name, name) for name in self.a)), b=names.get(self.b, self.b))
-
-
-@dataclass(frozen=True)
-class State:
-    """A state of the editor: everything that undo restores."""
-
-    scene: Scene
-    mix: Mix
-    removed: frozenset[str] = frozenset()  # names of unlisted added objects
-    is_a: bool = False  # the codes are those of object A, perhaps edited: not sampled
-
-    @property
-    def version_of(self) -> str:
-        """Name of the object of which the codes are a version; "" for mixes and samples."""
-        return "" if self.mix.shape or self.mix.texture else self._a
-
-    @property
-    def mixed_from(self) -> str:
-        """Name of the object A that has some of B in it; "" for other codes."""
-        return self._a if self.mix.shape or self.mix.texture else ""
-
-    @property
-    def _a(self) -> str:
-        """Name of object A; "" if its shape and texture have two names, and for samples."""
-        shape, texture = self.mix.a
-        return shape if self.is_a and shape == texture else ""
-
-    def renamed(self, names: Mapping[str, str]) -> State:
-        """Return the state with objects renamed from keys to values of ``names``."""
-        removed = frozenset(names.get(name, name) for name in self.removed)
-        return replace(self, mix=self.mix.renamed(names), removed=removed)
-
-    def change_from(self, before: State, label: Label = readable) -> str:
-        """Describe the edit since an earlier state in a few words."""
-        mix = self.mix
-        if mix.a != before.mix.a:
-            return mix.a.words(label)
-        if (mix.shape, mix.texture) != (before.mix.shape, before.mix.texture):
-            return f"{label(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
-        now = self.scene.instance.natural.codes
-        then = before.scene.instance.natural.codes
-        kinds = (kind for kind in CODE_KINDS if getattr(now, f"{kind}_key") != getattr(then, f"{kind}_key"))
-        return " and ".join(kinds) or self._aside_from(before, label)
-
-    def _aside_from(self, before: State, label: Label) -> str:
-        """Describe a change that keeps both codes."""
-        if self.is_edit_of(before):
-            now, then = (state.scene.instance.codes.edits_of("size") for state in (self, before))
-            return "photo detail" if now == then else "size"
-        return "removed objects" if self.removed != before.removed else f"{label(self.mix.b)} as B"
-
-    def is_edit_of(self, before: State) -> bool:
-        """Return whether the codes differ from an earlier state's."""
-        return self.scene.instance is not before.scene.instance and self.scene.instance != before.scene.instance
-
-    def carrying(self, before: State, after: State) -> State:
-        """Return the state after a change of removed objects from ``before`` to ``after``."""
-        removed = (self.removed | (after.removed - before.removed)) - (before.removed - after.removed)
-        return replace(self, removed=removed)
-
-    def is_move_of(self, before: State) -> bool:
-        """Return whether only the camera differs from an earlier state, if anything does."""
-        return replace(self, scene=replace(self.scene, camera=before.scene.camera)) == before
 
 
 class Step(NamedTuple):
     """A state in the tree of a history."""
 
     state: State
-    parent: int  # index of the step before it; -1 for the first
+    parent: int  # number of the step before it; -1 for the first
 
 
 class Edit(NamedTuple):
     """An edit of the codes, with the changes of camera, B or removed objects that follow it."""
 
-    steps: tuple[int, ...]  # indices of its steps, in order
+    steps: tuple[int, ...]  # numbers of its steps, in order
     words: str  # description
     pair: Pair  # object A
 
     @property
     def last(self) -> int:
-        """Index of the last step."""
+        """Number of the last step."""
         return self.steps[-1]
 
 
 class Branch(NamedTuple):
     """Steps that are not on the current path, from a step of the path to an end."""
 
-    start: int  # index of the path's step
-    last: int  # index of the end
+    start: int  # number of the path's step
+    last: int  # number of the end
     words: str  # description of its last edit
 
 
@@ -152,23 +53,23 @@ class History:
     objects.
     """
 
-    steps: tuple[Step, ...]  # in the order in which they were made
-    current: int = 0  # index of the current step
-    tip: int = 0  # index of the end of the current path
+    steps: Mapping[int, Step]  # by number, in the order in which they were made
+    current: int = 0  # number of the current step
+    tip: int = 0  # number of the end of the current path
     gesture: str = ""  # name of the current drag, whose edits replace the current state; empty: none
     moved: bool = field(default=False, compare=False)  # the last step moved the camera; the next move joins it
 
     @classmethod
     def of(cls, *states: State) -> History:
         """Return the history of consecutive states; the last one is the current state."""
-        steps = tuple(Step(state, number - 1) for number, state in enumerate(states))
+        steps = {number: Step(state, number - 1) for number, state in enumerate(states)}
         return cls(steps, len(steps) - 1, len(steps) - 1)
 
     def check(self) -> None:
         """Raise ``ValueError`` unless the steps are one tree and the current step is on the path to the tip."""
-        numbers = range(len(self.steps))
-        is_tree = len(self._children.get(-1, ())) == 1 and len(self._descending) == len(numbers)
-        if not is_tree or self.tip not in numbers or self.tip in self._children or self.current not in self._path:
+        is_numbered = all(0 <= number < _LARGEST for number in self.steps)
+        is_tree = is_numbered and len(self._children.get(-1, ())) == 1 and len(self._descending) == len(self.steps)
+        if not is_tree or self.tip not in self._ends or self.current not in self._path:
             raise ValueError("the undo history is no tree")
 
     # The current path
@@ -180,7 +81,7 @@ class History:
 
     @cached_property
     def _path(self) -> tuple[int, ...]:
-        """Indices of the steps from the first to the tip."""
+        """Numbers of the steps from the first to the tip."""
         path = [self.tip]
         while (parent := self.steps[path[-1]].parent) >= 0:
             path.append(parent)
@@ -233,24 +134,28 @@ class History:
 
     @cached_property
     def _children(self) -> dict[int, list[int]]:
-        """Indices of the steps after each step, in the order in which they were made."""
+        """Numbers of the steps after each step, in the order in which they were made."""
         children = dict[int, list[int]]()
-        for number, step in enumerate(self.steps):
+        for number, step in self.steps.items():
             children.setdefault(step.parent, []).append(number)
         return children
 
     @cached_property
     def _descending(self) -> tuple[int, ...]:
-        """Indices of the steps that can be reached from the first, each after its parent."""
+        """Numbers of the steps that can be reached from the first, each after its parent."""
         reached = list(self._children.get(-1, ()))
         for number in reached:
             reached += self._children.get(number, ())
         return tuple(reached)
 
+    @property
+    def _ends(self) -> tuple[int, ...]:
+        """Numbers of the steps that none follows, the oldest first."""
+        return tuple(number for number in self.steps if number not in self._children)
+
     def branches(self, label: Label = readable) -> tuple[Branch, ...]:
         """Return a branch for each end that is not the tip, the oldest first, except mere moves of the camera."""
-        ends = [number for number in range(len(self.steps)) if number not in self._children and number != self.tip]
-        return tuple(branch for end in ends if (branch := self._branch(end, label)))
+        return tuple(branch for end in self._ends if end != self.tip and (branch := self._branch(end, label)))
 
     def _branch(self, end: int, label: Label) -> Branch | None:
         """Return the branch to an end; None if only the camera differs from the path."""
@@ -270,7 +175,7 @@ class History:
         return parent >= 0 and state.is_edit_of(self.steps[parent].state)
 
     def _end(self, number: int) -> int:
-        """Return the index of the newest end of the branches after a step."""
+        """Return the number of the newest end of the branches after a step."""
         while after := self._children.get(number):
             number = after[-1]
         return number
@@ -290,57 +195,47 @@ class History:
 
     def joined(self, state: State) -> History:
         """Return the history with another state in place of the current one."""
-        steps = list(self.steps)
-        steps[self.current] = Step(state, steps[self.current].parent)
-        return replace(self, steps=tuple(steps))
+        return self._with({self.current: self.steps[self.current]._replace(state=state)})
+
+    def _with(self, steps: Mapping[int, Step]) -> History:
+        """Return the history with changed or new steps."""
+        return replace(self, steps={**self.steps, **steps})
 
     def _added(self, state: State) -> History:
         """Return the history with a new step: an edit begins a branch, another change is inserted in the path."""
-        number = len(self.steps)
-        history = replace(self, steps=(*self.steps, Step(state, self.current)), current=number)
+        number = max(self.steps) + 1
+        history = self._with({number: Step(state, self.current)})
         if self._later and not state.is_edit_of(self.now):
-            history = history._moved(self._later[:1], number)._carried(self._later, self.now, state)
+            history = history._with(self._later_after(number, state))
         else:
             history = replace(history, tip=number)
-        return history._shortened()
+        return replace(history, current=number)._shortened()
 
     def _continued(self, state: State) -> History:
         """Return the history with the drag's newest state; once it is an edit, later states are another branch."""
         history = self.joined(state)
         parent = self.steps[self.current].parent
-        if not history._is_edit(self.current):
-            return history._carried(self._later, self.now, state)
-        history = history._moved(self._later[:1], parent)._carried(self._later, self.now, self.steps[parent].state)
-        return replace(history, tip=self.current)
+        if history._is_edit(self.current):
+            return replace(history._with(self._later_after(parent, self.steps[parent].state)), tip=self.current)
+        return history._with(self._later_after(self.current, state))
 
     @property
     def _later(self) -> tuple[int, ...]:
-        """Indices of the steps that redo goes on to."""
+        """Numbers of the steps that redo goes on to."""
         return self._path[self._place + 1 :]
 
-    def _moved(self, numbers: Iterable[int], parent: int) -> History:
-        """Return the history with steps that follow another step."""
-        steps = list(self.steps)
-        for number in numbers:
-            steps[number] = steps[number]._replace(parent=parent)
-        return replace(self, steps=tuple(steps))
-
-    def _carried(self, numbers: Iterable[int], before: State, after: State) -> History:
-        """Return the history with a change of removed objects in some steps."""
-        if after.removed == before.removed:
-            return self
-        steps = list(self.steps)
-        for number in numbers:
-            state, parent = steps[number]
-            steps[number] = Step(state.carrying(before, after), parent)
-        return replace(self, steps=tuple(steps))
+    def _later_after(self, number: int, state: State) -> dict[int, Step]:
+        """Return the steps that redo goes on to, after a step whose state changes removed objects."""
+        later = dict[int, Step]()
+        for parent, following in pairwise((number, *self._later)):
+            later[following] = Step(self.steps[following].state.carrying(self.now, state), parent)
+        return later
 
     def _shortened(self) -> History:
         """Return the history without its oldest ends beyond the limit, first those that are not on the path."""
         history = self
         while len(history.steps) > DEPTH + 1:
-            ends = (number for number in range(len(history.steps)) if number not in history._children)
-            history = history.without({next((end for end in ends if end != history.tip), history._path[0])})
+            history = history.without({next((end for end in history._ends if end != history.tip), history._path[0])})
         return history
 
     def without(self, dropped: Container[int]) -> History:
@@ -348,15 +243,14 @@ class History:
 
         Without the first step, the next one on the current path is the first, and other branches begin there.
         """
-        remaining = [number for number in range(len(self.steps)) if number not in dropped]
+        remaining = [number for number in self.steps if number not in dropped]
         root = next((number for number in self._path if number not in dropped), remaining[0])
         last = {-1: root}  # by step: itself, or else the last one before it that is remaining
         for number in self._descending:
             last[number] = last[self.steps[number].parent] if number in dropped else number
-        index = {number: position for position, number in enumerate(remaining)}
-        parents = {number: index[last[self.steps[number].parent]] for number in remaining} | {root: -1}
-        steps = tuple(Step(self.steps[number].state, parents[number]) for number in remaining)
-        history = replace(self, steps=steps, current=index[last[self.current]], tip=index[last[self.tip]])
+        parents = {number: last[self.steps[number].parent] for number in remaining} | {root: -1}
+        steps = {number: Step(self.steps[number].state, parent) for number, parent in parents.items()}
+        history = replace(self, steps=steps, current=last[self.current], tip=last[self.tip])
         return replace(history, tip=history._end(history.tip))
 
     def without_gesture(self) -> History:
@@ -379,7 +273,7 @@ class History:
         return self.at(self._path[self._place :][:2][-1])
 
     def at(self, number: int) -> History:
-        """Return the history with another step as the current one, by its index in ``steps``.
+        """Return the history with another step as the current one, by its number.
 
         The path stays if it has the step; otherwise it leads through the step to the newest end after it.
         """
@@ -390,16 +284,19 @@ class History:
 
     @property
     def nearest(self) -> tuple[int, ...]:
-        """Indices of all steps: the current one, those before it, those after it, then those of other branches."""
-        aside = set(range(len(self.steps))) - set(self._path)
+        """Numbers of all steps: the current one, those before it, those after it, then those of other branches."""
+        aside = self.steps.keys() - set(self._path)
         return (*reversed(self._path[: self._place + 1]), *self._later, *sorted(aside, reverse=True))
 
     def after(self, earlier: History) -> History:
         """Return the history with all states of another one before its own."""
-        count = len(earlier.steps)
-        later = (Step(state, earlier.tip if parent < 0 else parent + count) for state, parent in self.steps)
-        history = replace(self, steps=(*earlier.steps, *later), current=self.current + count, tip=self.tip + count)
-        return history._shortened()
+        shift = max(earlier.steps) + 1
+        later = {
+            number + shift: Step(state, earlier.tip if parent < 0 else parent + shift)
+            for number, (state, parent) in self.steps.items()
+        }
+        steps = {**earlier.steps, **later}
+        return replace(self, steps=steps, current=self.current + shift, tip=self.tip + shift)._shortened()
 
     def renamed(self, names: Mapping[str, str]) -> History:
         """Return the history with objects renamed in every state, from keys to values of ``names``."""
@@ -407,4 +304,4 @@ class History:
 
     def everywhere(self, change: Callable[[State], State]) -> History:
         """Return the history with ``change`` applied to every state."""
-        return replace(self, steps=tuple(Step(change(state), parent) for state, parent in self.steps))
+        return self._with({number: Step(change(state), parent) for number, (state, parent) in self.steps.items()})

@@ -8,8 +8,9 @@ from pathlib import Path
 from core.models.model import Instance
 from core.models.open_models import OpenModels
 from viewer.values.fit_history import FitHistory, FitRequest
-from viewer.values.history import History, State
+from viewer.values.history import History
 from viewer.values.objects import EditableObject
+from viewer.values.state import State
 
 SUFFIX = ".codenerf"
 
@@ -30,7 +31,7 @@ class Project:
     @cached_property
     def members(self) -> tuple[EditableObject, ...]:
         """The objects that were made in it or that its history has, with their versions."""
-        names = frozenset[str]().union(*(state.mix.names | state.removed for state, _ in self.history.steps))
+        names = frozenset[str]().union(*(state.mix.names | state.removed for state, _ in self.history.steps.values()))
         members = (item for item in self.objects if item.name in names or item.key not in self.others)
         roots = {item.version_of or item.key for item in members}
         return tuple(item for item in self.objects if (item.version_of or item.key) in roots)

@@ -6,9 +6,10 @@ from itertools import chain
 
 from core.models.model import Model
 from core.models.open_models import OpenModels
-from viewer.values.history import History, Mix, Pair, State
+from viewer.values.history import History
 from viewer.values.objects import ObjectLibrary
 from viewer.values.project import Project
+from viewer.values.state import Mix, Pair, State
 
 
 def is_missing(name: str, objects: ObjectLibrary) -> bool:

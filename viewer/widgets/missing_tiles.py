@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from viewer.context import PanelContext
 from viewer.screen.theme import packed
-from viewer.values.history import State
+from viewer.values.state import State
 from viewer.values.variety import readable
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import tooltip

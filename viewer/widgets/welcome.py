@@ -28,7 +28,7 @@ class Welcome:
         editor = context.session.editor
         fitting = context.session.fitting
         first = editor.history.states[0].scene.instance
-        edited = any(state.scene.instance is not first for state, _ in editor.history.steps)
+        edited = any(state.scene.instance is not first for state, _ in editor.history.steps.values())
         return not (edited or editor.objects.added or fitting.pending or fitting.history.photo)
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:

@@ -12,8 +12,8 @@ from tests.conftest import open_models, random_model
 from viewer.activities.direction_words import DirectionWords
 from viewer.activities.names import Names
 from viewer.editor import Editor
-from viewer.values.history import Pair
 from viewer.values.objects import EditableObject
+from viewer.values.state import Pair
 
 
 class Worded(DirectionWords):

@@ -3,7 +3,7 @@ from pathlib import Path
 from imgui_bundle import imgui
 
 from tests.viewer.driver import Drive, Driver, in_window
-from viewer.values.history import State
+from viewer.values.state import State
 
 
 @in_window()

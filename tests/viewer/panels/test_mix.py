@@ -3,7 +3,7 @@ from imgui_bundle import ImVec2, imgui
 
 from core.models.model import Model
 from tests.viewer.driver import Driver, in_window
-from viewer.values.history import Mix
+from viewer.values.state import Mix
 
 
 @in_window()

@@ -44,7 +44,7 @@ def key(instance: Instance) -> Key:
 
 def shown(session: Session) -> set[Key]:
     """All states, and the originals of all objects."""
-    states = {key(state.scene.instance) for state, _ in session.editor.history.steps}
+    states = {key(state.scene.instance) for state, _ in session.editor.history.steps.values()}
     return states | {key(item.original) for item in session.editor.objects.ever_added}
 
 
@@ -99,7 +99,7 @@ def live(models: dict[str, Model], folder: Path, seed: int, said: Connection) ->
     there = shown(session)
     for earlier in session.store.earlier:
         project = session.store.session(earlier.number, session.editor.state)
-        there |= {key(state.scene.instance) for state, _ in project.history.steps}
+        there |= {key(state.scene.instance) for state, _ in project.history.steps.values()}
         there |= {key(item.original) for item in project.objects}
     said.send((there, [message.text for message in session.messages.all if message.kind is MessageKind.PROBLEM]))
     person = Person(session, random.Random(seed))

@@ -96,7 +96,7 @@ def test_a_photo_keeps_the_fields_beside_its_pixels(model: Model, saved: Project
     photo = Photo(torch.rand(8, 8, 3), mask, model.camera(0.1, 0.2).resized(8, 8), True, ~mask)
     photo = replace(photo, scaled=True, opacity=0.9 * mask, edge_error=1.5, focal=50.0, blur=2.0, side="back")
     photo = replace(photo, fine=compressed(np.full((24, 24, 4), 255, np.uint8)))
-    fitted = FittedPhoto.of(PhotoSource(tmp_path / "b.png"), photo)
+    fitted = FittedPhoto(PhotoSource(tmp_path / "b.png"), photo)
     pending = (FitRequest(FitHistory((fitted.source,), (fitted,))),)
     Store().save(replace(saved, pending=pending), tmp_path / "a.codenerf")
     loaded = read_project(tmp_path / "a.codenerf").pending[0].history.photos[0].photo

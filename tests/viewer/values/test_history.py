@@ -9,7 +9,8 @@ from core.models.model import Model
 from core.models.scene import Scene
 from tests.conftest import random_model
 from viewer.values import history as module
-from viewer.values.history import History, Mix, Pair, State
+from viewer.values.history import History
+from viewer.values.state import Mix, Pair, State
 
 
 @pytest.fixture
@@ -133,14 +134,16 @@ def test_what_is_no_tree_is_refused(edited: Callable[[int], State]) -> None:
     history.check()
     steps = history.steps
     harmed = (
-        replace(history, steps=()),
+        replace(history, steps={}),
         replace(history, current=3),
         replace(history, tip=1),
         replace(history, tip=-4),
-        replace(history, steps=(steps[0], steps[1]._replace(parent=2), steps[2])),
-        replace(history, steps=(steps[0]._replace(parent=2), *steps[1:])),
-        replace(history, steps=(*steps[:2], steps[2]._replace(parent=-1))),
-        replace(history, steps=(*steps[:2], steps[2]._replace(parent=9))),
+        *(
+            replace(history, steps=steps | {number: steps[number]._replace(parent=parent)})
+            for number, parent in ((1, 2), (0, 2), (2, -1), (2, 9))
+        ),
+        replace(history, steps=steps | {-1: steps[0]}),
+        replace(history, steps=steps | {2**62: steps[2]}),
     )
     for number, history in enumerate(harmed):
         with pytest.raises(ValueError, match="no tree"):
@@ -172,13 +175,14 @@ def test_the_laws_of_undo_hold_after_any_operations(operations: list[tuple[str, 
             assert history.undone().redone().states == history.states
         if history.future:
             assert history.redone().undone().now is history.now
+        scenes = {id(state.scene) for state, _ in history.steps.values()}
         if not history.gesture:  # each state of a drag takes the place of the first before
-            assert {id(state.scene) for state, _ in before.steps} <= {id(state.scene) for state, _ in history.steps}
+            assert {id(state.scene) for state, _ in before.steps.values()} <= scenes
         if kind == "move":
             assert _edits(history) == _edits(before)
             assert history.future == before.future
         on_path = {number for group in history.edits() for edit in group for number in edit.steps}
-        hidden = set(range(len(history.steps))) - on_path
+        hidden = history.steps.keys() - on_path
         for branch in history.branches():
             branched = history.at(branch.last)
             hidden -= {number for group in branched.edits() for edit in group for number in edit.steps}
@@ -208,17 +212,17 @@ def test_steps_that_are_left_out_leave_one_tree_of_the_others(
     history = History.of(_state(_MODEL, 0, 0))
     for kind, number in operations:
         history = _operated(history, kind, number)
-    kept = [step.state for number, step in enumerate(history.steps) if number not in dropped]
+    kept = [step.state for number, step in history.steps.items() if number not in dropped]
     if not kept:
         return
     left = history.without(dropped)
     left.check()
-    assert [step.state for step in left.steps] == kept
+    assert [step.state for step in left.steps.values()] == kept
     if history.current not in dropped:
         assert left.now is history.now
     first = [state for number, state in zip(history._path, history.states, strict=True) if number not in dropped]
     assert not first or list(left.states[: len(first)]) == first
-    assert sorted(history.nearest) == list(range(len(history.steps))) and history.nearest[0] == history.current
+    assert sorted(history.nearest) == list(history.steps) and history.nearest[0] == history.current
 
 
 def _state(model: Model, number: int, azimuth: float) -> State:
@@ -240,7 +244,7 @@ def _operated(history: History, kind: str, number: int) -> History:
         "undo": history.undone,
         "redo": history.redone,
         "release": history.without_gesture,
-        "go": lambda: history.at(number % len(history.steps)),
+        "go": lambda: history.at([*history.steps][number % len(history.steps)]),
     }
     return changes[kind]()
 
