@@ -48,7 +48,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "View": (
         Gesture("Drag, or arrow keys", "turn the object; finer with Shift"),
         Gesture("Wheel, or + and -", "zoom"),
-        Gesture("Rest on a part", "it lights up: drag its handle to size the object, click its name for its colour"),
+        Gesture("Click a part", "it lights up: drag its handle to size the object, click its name for its colour"),
         Gesture("Middle or right drag", "pan: move the object in the view"),
         Gesture("Double click", "the first view again: its photo's camera, if the object has a photo"),
         Action(

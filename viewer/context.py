@@ -58,6 +58,7 @@ class PanelContext:
     dragged: str = ""  # name of the object that is dragged onto B
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # upper left and lower right corner of the view, px
     covered: float = 0.0  # px of the view's lower edge that the history covers
+    card_width: float = 0.0  # px of the view's lower edge, from the right, that the welcome card takes from the history
     hints: Hints = field(default_factory=Hints)
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None

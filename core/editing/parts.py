@@ -1,4 +1,4 @@
-"""The parts of an object in an image, with a handle at the free end of each: the place to pull it by."""
+"""The parts of an object in an image, with a handle at the outer edge of each: the place to pull it by."""
 
 import math
 from collections.abc import Container
@@ -26,7 +26,9 @@ _OPAQUE = 0.5  # opacity from which a pixel counts as the object
 _BLUR = 0.8  # px over which the parts' probabilities are averaged
 _SPECK = 25  # px of the smallest region that stays
 _NEXT_TO = 4.0  # px from a larger region within which a small one joins it
-_INSIDE = 5.0  # px from a region's edge at which a handle is inside enough
+_INSIDE = 2.0  # px from a region's edge: nearer to it, the depth is a mixture of surfaces
+_CORNER = 0.2  # weight by which the middle of a side is preferred to its corners
+_MIDDLE = 0.25  # of the object's width and height, to either side of its middle: a newcomer's first drag begins there
 
 
 class Handle(NamedTuple):
@@ -35,6 +37,7 @@ class Handle(NamedTuple):
     part: str
     place: tuple[float, float]  # fractions of the image's width and height
     point: tuple[float, float, float]  # on the surface, scene units before stretching
+    is_outer: bool = True  # outside the middle half of the object in the image
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,13 +146,18 @@ def _regions(labels: Int[np.ndarray, "rows columns"], count: int) -> tuple[Int[n
 def _handle(
     regions: Int[np.ndarray, "rows columns"], index: int, part: str, surface: Float32[np.ndarray, "rows columns 3"]
 ) -> Handle:
-    """Return the handle of a region: inside of it, far from other regions or, if it is the only one, at its top."""
+    """Return the handle of a region: within its edge, far from the object's middle and from other regions."""
     rows, columns = regions.shape
-    region = regions == index
-    rest = (regions >= 0) & ~region
-    depth = ndimage.distance_transform_edt(np.pad(region, 1))[1:-1, 1:-1]
-    away = ndimage.distance_transform_edt(~rest) if rest.any() else -np.arange(rows)[:, None]
-    score = np.where(region, 2 * np.minimum(depth, _INSIDE) + away, -np.inf)
-    row, column = np.unravel_index(score.argmax(), regions.shape)
+    rest = (regions >= 0) & (regions != index)
+    apart = ndimage.distance_transform_edt(~rest) if rest.any() else np.zeros(regions.shape)
+    depth = ndimage.distance_transform_edt(np.pad(regions == index, 1))[1:-1, 1:-1]
+    pixels = np.argwhere(depth >= min(_INSIDE, depth.max()))
+    box = np.argwhere(regions >= 0)
+    low = box.min(0)
+    high = box.max(0) + 1
+    away = np.abs(pixels - (low + high) / 2) / (high - low)
+    best = (away.max(1) - _CORNER * away.min(1) + apart[tuple(pixels.T)] / (high - low).max()).argmax()
+    row, column = pixels[best]
     x, y, z = surface[row, column].tolist()
-    return Handle(part, ((float(column) + 0.5) / columns, (float(row) + 0.5) / rows), (x, y, z))
+    place = (float(column) + 0.5) / columns, (float(row) + 0.5) / rows
+    return Handle(part, place, (x, y, z), bool(away[best].max() > _MIDDLE))

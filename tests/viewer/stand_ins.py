@@ -236,7 +236,7 @@ class Bakery:
             )
 
 
-def two_parts(instance: Instance, camera: Camera, frame: Frame, box: Box) -> PartMap:
+def two_parts(instance: Instance, camera: Camera, frame: Frame, box: Box, is_outer: bool = True) -> PartMap:
     """The left half of the object is its seat, the right one its back; their handles are in the middle of each."""
     rows, columns = (frame.opacity > 0.5).nonzero()
     regions = np.full(frame.opacity.shape, -1)
@@ -245,5 +245,5 @@ def two_parts(instance: Instance, camera: Camera, frame: Frame, box: Box) -> Par
     for index, part in enumerate(("seat", "back")):
         rows, columns = (regions == index).nonzero()
         place = (columns.mean() + 0.5) / regions.shape[1], (rows.mean() + 0.5) / regions.shape[0]
-        handles.append(Handle(part, place, (0.0, 0.0, 0.3)))
+        handles.append(Handle(part, place, (0.0, 0.0, 0.3), is_outer))
     return PartMap(tuple(handles), regions)

@@ -58,7 +58,7 @@ class HistoryStrip:
         side = _SIDE * em
         gap = 0.3 * em
         needed = sum(side * (_FOLDED if tile.branch else 1) + gap for tile in tiles) + 2 * gap
-        width = min(high.x - low.x - 2 * _EDGE * em, needed)
+        width = min(high.x - low.x - 2 * _EDGE * em - context.card_width, needed)
         height = side + 3 * gap
         context.covered = height + _EDGE * em
         imgui.set_next_window_pos(ImVec2(low.x + _EDGE * em, high.y - _EDGE * em - height))

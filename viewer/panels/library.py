@@ -142,7 +142,6 @@ class LibraryPanel(Panel):
         imgui.dummy((columns * step.x - gap, max(0.0, rows * step.y - gap)))
 
     def _draw_tile(self, context: PanelContext, tile: Tile, corner: ImVec2, size: ImVec2) -> None:
-        imgui.set_next_item_allow_overlap()
         below = corner + ImVec2(0, size.x)
         if isinstance(tile, FitRequest):
             waiting_tiles.draw(context, tile, corner, size)
@@ -152,15 +151,19 @@ class LibraryPanel(Panel):
             missing_tiles.draw_object(context, tile, corner, size)
             paint_caption(context, tile, below, size.x)
             return
-        _draw_button(context, tile, corner, size, self._user_menu)
         names = context.session.names
+        objects = context.session.editor.objects
         words = names.version(tile.root, tile.instance) if isinstance(tile, Version) else names.caption(tile)
         paint_caption(context, words, below, size.x)
-        if isinstance(tile, Version):
-            return
-        families = context.session.editor.objects.families_of(tile)
-        if variants := families.get(tile, ()):
+        draw = imgui.get_window_draw_list()
+        draw.channels_split(2)  # the button in the tile's corner gets the mouse before the tile, and is drawn on it
+        if isinstance(tile, str) and (variants := objects.families_of(tile).get(tile, ())):
+            draw.channels_set_current(1)
             self._draw_fold(context, tile, len(variants), corner, size.x)
+        draw.channels_set_current(0)
+        imgui.set_cursor_screen_pos(corner)
+        _draw_button(context, tile, corner, size, self._user_menu)
+        draw.channels_merge()
 
     def _draw_fold(self, context: PanelContext, name: str, count: int, corner: ImVec2, side: float) -> None:
         """Draw the button that shows or folds an object's variants, in the corner of its thumbnail."""

@@ -29,6 +29,7 @@ _HINT = "Drag to turn    Wheel to zoom    F1 for help"  # between the buttons, i
 _EYE = icons_fontawesome_4.ICON_FA_EYE
 _COVERED, _FREE = 4, 6  # divisors of the height: most that may be covered, and what the history may cover in place
 _NARROW = 26.0  # em: a narrower view has buttons without words
+_STILL = 3.0  # px of motion from which a click is a drag
 _ENOUGH = 0.5  # fraction of the view's px below which an image counts as a preview
 
 
@@ -53,6 +54,7 @@ class ViewPanel(Panel):
         context.view = corner, corner + size
         hints = context.hints
         context.hints = Hints()
+        context.card_width = 0.0
         begins = self._welcome.is_due(context)
         pixels = self._resize(context, size, begins)
         frame = context.session.viewport.frame
@@ -67,20 +69,21 @@ class ViewPanel(Panel):
         draw.channels_split(2)
         draw.channels_set_current(1)
         _draw_buttons(context, corner, size)
+        if not begins or context.session.editor.history.past:
+            _draw_badge(context, frame, corner + ImVec2(0, size.y - context.covered))
         draw_size_box(context, corner, size, hints.shows_size)
         self._over.draw_handle(context, corner, size)
         draw.channels_set_current(0)
         imgui.set_cursor_screen_pos(corner)
-        imgui.set_next_item_allow_overlap()
-        imgui.invisible_button("orbit", size)
+        is_released = imgui.invisible_button("orbit", size)
         if not self._over.draw(context, corner, size):
             self._react(context, size)
+            if is_released and imgui.get_io().mouse_drag_max_distance_sqr[0] < _STILL**2:
+                self._over.click(context)
         draw.channels_merge()
         if begins:
             self._welcome.draw(context, corner, size)
             context.covered = max(context.covered, self._welcome.covered)
-        if not begins or context.session.editor.history.past:
-            _draw_badge(context, frame, corner + ImVec2(0, size.y - context.covered))
 
     def _resize(self, context: PanelContext, size: ImVec2, begins: bool) -> tuple[int, int]:
         """Render for a view of ``size``, in part covered by the welcome card or the history; return its pixels."""
@@ -97,7 +100,7 @@ class ViewPanel(Panel):
     def _react(self, context: PanelContext, size: ImVec2) -> None:
         editor = context.session.editor
         io = imgui.get_io()
-        if imgui.is_item_active() and not imgui.is_item_activated() and any(io.mouse_delta):
+        if imgui.is_item_active() and imgui.is_mouse_dragging(imgui.MouseButton_.left, _STILL) and any(io.mouse_delta):
             right, down = _motion(size)
             editor.set_camera(orbit.dragged(context.session.viewport.camera, right, down), gesture="orbit")
             context.set_preference(newcomer=False)

@@ -32,20 +32,16 @@ def draw_cut_out(
     corner = imgui.get_cursor_screen_pos()
     corner += ImVec2((room - size.x) / 2, 0)
     imgui.set_cursor_screen_pos(corner)
-    imgui.set_next_item_allow_overlap()
-    imgui.invisible_button("photo", size)
-    cursor = imgui.get_cursor_screen_pos()
     texture = context.images.texture(pixels, context.palette)
     imgui.get_window_draw_list().add_image_rounded(
         texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, rounding()
     )
-    if context.tool == "pick":
-        pick(context, pixels, corner, size)
-    elif len(boxes) > 1:
-        for number, box in sorted(enumerate(boxes), key=lambda item: -_area(item[1])):  # smaller boxes over larger ones
+    if context.tool != "pick" and len(boxes) > 1:  # smaller boxes first, as larger ones contain them
+        for number, box in sorted(enumerate(boxes), key=lambda item: _area(item[1])):
             _draw_box(context, number, box, (corner, size), choose)
-    imgui.set_cursor_screen_pos(cursor)
-    imgui.dummy((0, 0))
+    imgui.set_cursor_screen_pos(corner)
+    imgui.invisible_button("photo", size)
+    pick(context, pixels, corner, size)
 
 
 def _area(box: Box) -> float:
@@ -59,7 +55,6 @@ def _draw_box(
     corner, size = rectangle
     low, high = (corner + ImVec2(x * size.x, y * size.y) for x, y in (box[:2], box[2:]))
     imgui.set_cursor_screen_pos(low)
-    imgui.set_next_item_allow_overlap()
     if tile_button(f"object {number + 1}", high - low):
         choose(number)
     colour = context.palette.accent if imgui.is_item_hovered() else context.palette.warm

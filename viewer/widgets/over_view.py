@@ -1,4 +1,4 @@
-"""Tools of the mouse over the view: wipe, erase, pick a colour, and the handle of the part under the mouse."""
+"""Tools of the mouse over the view: wipe, erase, pick a colour, and the handle of the clicked part."""
 
 from typing import Protocol
 
@@ -31,12 +31,15 @@ class OverView:
         self._handle = PartHandle()
 
     def draw_handle(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-        """Draw the handle of the part under the mouse; call before the view's own item, which is below it."""
+        """Draw the handle of the clicked part; call before the view's own item, which is below it."""
         self._handle.draw(context, corner, size)
+
+    def click(self, context: PanelContext) -> None:
+        """Take a click on the view without a tool: the part under the mouse gets a handle."""
+        self._handle.click(context)
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
         """Draw the current tool over the view, imgui's last item; return whether it takes the mouse."""
-        self._handle.follow_mouse(context, corner, size)
         if imgui.is_key_pressed(imgui.Key.escape):
             context.tool = "turn"
         tool = self._tools.get(context.tool)

@@ -17,28 +17,26 @@ _OPEN = f"{icons_fontawesome_4.ICON_FA_IMAGE}  Open photo…"
 
 
 class Welcome:
-    """A card at the bottom of the view until something is made."""
+    """A card at the bottom of the view until a photo or another file is opened."""
 
     def __init__(self) -> None:
         self.covered = 0.0  # px of the view's lower edge that the card took in the last frame
 
     @staticmethod
     def is_due(context: PanelContext) -> bool:
-        """Return whether nothing was made, edited or begun yet; turning the object is no edit."""
-        editor = context.session.editor
+        """Return whether no photo or other object was opened yet."""
         fitting = context.session.fitting
-        first = editor.history.states[0].scene.instance
-        edited = any(state.scene.instance is not first for state, _ in editor.history.steps.values())
-        return not (edited or editor.objects.added or fitting.pending or fitting.history.photo)
+        return not (context.session.editor.objects.added or fitting.pending or fitting.history.photo)
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         """Draw the card at the bottom of a rectangle, px on screen.
 
-        The small card, at the right, is drawn in a low rectangle and once the object was turned.
+        The small card, at the right of the history, is drawn in a low rectangle and once the object was turned.
         """
         em = hello_imgui.em_size()
         small = bool(context.session.editor.history.past) or size.y < _LOW * em
         width = min((_SMALL if small else _WIDEST) * em, size.x - 2 * _MARGIN * em)
+        context.card_width = width + _MARGIN * em if small else 0.0
         left = size.x - width - _MARGIN * em if small else (size.x - width) / 2  # beside the badge, if any
         imgui.set_cursor_screen_pos(ImVec2(corner.x + left, corner.y + max(0.0, size.y - self.covered)))
         imgui.push_style_color(imgui.Col_.child_bg, (*context.palette.panel, 0.94))

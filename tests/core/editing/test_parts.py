@@ -41,7 +41,7 @@ def _chair() -> np.ndarray:
     return probabilities
 
 
-def test_every_part_lies_where_it_is_and_has_a_handle_at_its_free_end(
+def test_every_part_lies_where_it_is_and_has_a_handle_at_the_object_s_edge(
     tiny: Model, camera: Camera, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     probabilities = _chair()
@@ -55,8 +55,10 @@ def test_every_part_lies_where_it_is_and_has_a_handle_at_its_free_end(
     for handle in part_regions.handles:
         assert part_regions.handle_at(handle.place) is handle
     by_part = {handle.part: handle for handle in part_regions.handles}
-    assert by_part["back"].place[1] < 14 / 64  # away from the seat
-    assert by_part["legs"].place[1] > 50 / 64
+    assert by_part["back"].place[1] < 8 / 64  # away from the seat
+    assert by_part["legs"].place[1] > 55 / 64
+    assert not 0.3 < by_part["seat"].place[0] < 0.6
+    assert all(handle.is_outer for handle in part_regions.handles)
     assert by_part["back"].point[2] > by_part["legs"].point[2] + 0.2
     assert part_regions.handle_at((0.05, 0.5)) is None
     assert part_regions.handle_at((1.2, 0.5)) is None
@@ -68,8 +70,21 @@ def test_only_what_is_on_screen_has_handles(tiny: Model, camera: Camera) -> None
     part_regions = part_map(tiny[0], camera, _frame(opacity), (0.5, 0.0, 1.0, 1.0))
     (handle,) = part_regions.handles
     assert handle.part == "stool"
-    assert handle.place[0] > 0.5 and handle.place[1] < 0.4  # at its top: a drag in the middle turns the object
+    assert handle.place[0] > 0.5 and abs(handle.place[1] - 0.5) > 0.25  # a drag in the middle turns the object
     assert part_regions.handle_at((0.4, 0.5)) is None
+
+
+def test_a_part_within_the_middle_of_the_object_has_no_outer_handle(
+    tiny: Model, camera: Camera, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    probabilities = np.zeros((2, 64, 96), np.float32)
+    probabilities[0, 4:60, 20:76] = 1.0
+    probabilities[0, 25:39, 41:55] = 0.0
+    probabilities[1, 25:39, 41:55] = 1.0
+    opacity = probabilities.sum(0)
+    monkeypatch.setattr(module, "_probabilities", lambda instance, points: probabilities[:, opacity > 0].T)
+    part_regions = part_map(_with_head(tiny, "body", "seat"), camera, _frame(opacity))
+    assert {handle.part: handle.is_outer for handle in part_regions.handles} == {"body": True, "seat": False}
 
 
 def test_no_part_of_a_chair_is_far_from_its_place(tiny: Model) -> None:

@@ -1,4 +1,4 @@
-"""The part under the mouse in the real window."""
+"""The clicked part in the real window."""
 
 import math
 from collections.abc import Callable
@@ -7,16 +7,13 @@ from pathlib import Path
 
 import pytest
 import torch
-from imgui_bundle import imgui
+from imgui_bundle import ImVec2, imgui
 
-from core.editing.parts import Handle
 from core.edits.paint import PartPaint
 from core.models.part_head import PartHead
 from tests.viewer.driver import Drive, Driver, in_window
 from tests.viewer.stand_ins import endless_fit, two_parts
-from viewer.context import PanelContext
 from viewer.services.backend import Backend
-from viewer.widgets.part_handle import PartHandle
 
 
 def _rest_on(window: Driver, across: float) -> None:
@@ -30,19 +27,30 @@ def _rest_on(window: Driver, across: float) -> None:
     window.ctx.mouse_move_to_pos((x, y))
 
 
-def _rest_until_lit(window: Driver, across: float) -> None:
+def _light_up(window: Driver, across: float) -> None:
+    window.wait_for_view()
     _rest_on(window, across)
+    window.ctx.mouse_click(0)
     window.wait(lambda: window.exists("View/handle"))
 
 
+def _click_name(window: Driver) -> None:
+    """Click the name above the handle."""
+    box = window.ctx.item_info("//View/handle").rect_full
+    window.ctx.mouse_move_to_pos((box.get_center().x, box.min.y - imgui.get_text_line_height()))
+    window.ctx.mouse_click(0)
+    window.ctx.yield_(3)
+
+
 @in_window(part_map=two_parts)
-def test_the_part_under_the_mouse_has_a_handle_that_reshapes_in_one_step(window: Driver) -> None:
+def test_a_clicked_part_has_a_handle_that_reshapes_in_one_step(window: Driver) -> None:
     editor = window.session.editor
     before = editor.state
     past = len(editor.history.past)
+    _rest_on(window, 0.05)
+    window.ctx.sleep(0.5)
     assert not window.exists("View/handle")
-    _rest_until_lit(window, 0.05)
-    assert window.exists("View/part name")
+    _light_up(window, 0.05)
     window.drag("View/handle", 0, -60)
     window.wait()
     assert editor.scene.instance.codes.factors[:2] == (1.0, 1.0) and editor.scene.instance.codes.factors[2] > 1.1
@@ -57,19 +65,16 @@ def test_the_part_under_the_mouse_has_a_handle_that_reshapes_in_one_step(window:
 def test_a_handle_says_when_the_object_can_follow_no_further(window: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     editor, reshaping = window.session.editor, window.session.reshaping
     labels = set[tuple[bool, str]]()
-    label = PartHandle._label
 
-    def noted(self: PartHandle, context: PanelContext, handle: Handle) -> str:
-        text = label(self, context, handle)
+    def note(low: ImVec2, text: str, pad: ImVec2) -> None:
         labels.add((reshaping.is_past_end, text.split(": ")[-1]))
-        return text
 
-    monkeypatch.setattr(PartHandle, "_label", noted)
-    _rest_until_lit(window, 0.05)
+    monkeypatch.setattr("viewer.widgets.part_handle.paint_on_plate", note)
+    _light_up(window, 0.05)
     window.drag("View/handle", 0, -20)
     window.wait()
     assert {text for past, text in labels if past} == set()
-    _rest_until_lit(window, 0.05)
+    _light_up(window, 0.05)
     window.drag("View/handle", 0, -4000)
     window.wait()
     assert {text for past, text in labels if past} == {"height 900 cm, no further"}
@@ -77,17 +82,40 @@ def test_a_handle_says_when_the_object_can_follow_no_further(window: Driver, mon
 
 
 @in_window(part_map=two_parts)
-def test_a_drag_elsewhere_on_a_lit_part_turns_the_object(window: Driver) -> None:
+def test_a_drag_beside_the_handle_turns_the_object(window: Driver) -> None:
     editor = window.session.editor
     before = editor.scene
-    _rest_until_lit(window, 0.05)
-    window.ctx.mouse_drag_with_delta((80, 0))
-    window.ctx.yield_(2)
+    azimuths = [before.camera.azimuth]
+    _light_up(window, 0.05)
+    box = window.ctx.item_info("//View/handle").rect_full
+    for x, y in ((imgui.get_mouse_pos().x, imgui.get_mouse_pos().y), (box.get_center().x, box.min.y - 15)):
+        _light_up(window, 0.05)
+        window.ctx.mouse_move_to_pos((x, y))  # on the part, and on its name
+        window.ctx.mouse_drag_with_delta((80, 0))
+        window.ctx.yield_(2)
+        azimuths.append(editor.scene.camera.azimuth)
+        editor.set_camera(before.camera)
     assert editor.scene.instance is before.instance
-    assert editor.scene.camera.azimuth < before.camera.azimuth
+    assert max(azimuths[1:]) < azimuths[0]
 
 
-def test_a_click_on_the_handle_opens_the_colours_of_its_part(drive: Drive, backend: Backend) -> None:
+@in_window(part_map=lambda *inputs: two_parts(*inputs, is_outer=False))
+def test_a_part_in_the_middle_of_the_object_has_its_colours_and_no_handle(window: Driver) -> None:
+    past = len(window.session.editor.history.past)
+    _rest_on(window, 0.05)
+    window.ctx.mouse_click(0)
+    window.wait(lambda: window.session.reshaping.parts is not None)
+    handle = window.session.reshaping.parts.map.handles[1]
+    assert not window.exists("View/handle") and len(window.session.editor.history.past) == past
+    low, high = window.context.view
+    x, y = window.session.reshaping.parts.place_of(handle)
+    window.ctx.mouse_move_to_pos((low.x + x * (high.x - low.x), low.y + y * (high.y - low.y) - 25))
+    window.ctx.mouse_click(0)
+    window.ctx.yield_(3)
+    assert window.exists("$FOCUSED/###swatch 1")
+
+
+def test_a_click_on_the_name_opens_the_colours_of_its_part(drive: Drive, backend: Backend) -> None:
     model = backend.load_model("chairs")
     head = PartHead(("seat", "back"), torch.zeros(2, model.field.config.width), torch.zeros(2))
     headed = replace(model, part_head=head)
@@ -96,14 +124,14 @@ def test_a_click_on_the_handle_opens_the_colours_of_its_part(drive: Drive, backe
         editor = window.session.editor
         before = editor.scene.instance
         for across, part in ((0.05, "back"), (-0.05, "seat")):
-            _rest_until_lit(window, across)
-            window.click("View/handle" if part == "back" else "View/part name")
+            _light_up(window, across)
+            _click_name(window)
             assert window.session.painting.part == part
             assert editor.scene.instance is before
             assert window.exists("$FOCUSED/###swatch 1")
             window.ctx.popup_close_all()
-        _rest_until_lit(window, 0.05)
-        window.click("View/handle")
+        _light_up(window, 0.05)
+        _click_name(window)
         window.click("$FOCUSED/###swatch 3")
         window.wait()
         assert torch.equal(editor.code("shape"), before.codes.shape)
@@ -113,19 +141,16 @@ def test_a_click_on_the_handle_opens_the_colours_of_its_part(drive: Drive, backe
 
 
 @in_window(part_map=two_parts, fit=endless_fit)
-def test_no_part_lights_up_during_a_fit_or_with_a_tool(
-    window: Driver, photo: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("viewer.widgets.part_handle._REST", 0.0)
-    _rest_until_lit(window, 0.05)
+def test_no_part_lights_up_during_a_fit_or_with_a_tool(window: Driver, photo: Path) -> None:
+    _light_up(window, 0.05)
     window.context.tool = "wipe"
     window.ctx.yield_(5)
     assert not window.exists("View/handle")
     window.context.tool = "turn"
-    window.wait(lambda: window.exists("View/handle"))
     window.context.drop([str(photo)])
     window.wait(lambda: window.session.viewport.source == "fit")
     _rest_on(window, 0.06)
+    window.ctx.mouse_click(0)
     window.ctx.yield_(20)
     assert not window.exists("View/handle")
     assert window.session.reshaping.parts is None
@@ -133,8 +158,8 @@ def test_no_part_lights_up_during_a_fit_or_with_a_tool(
 
 @in_window(part_map=two_parts)
 def test_wheel_and_pan_work_over_a_part_s_handle(window: Driver) -> None:
-    _rest_until_lit(window, 0.05)
-    _zoom_and_pan_over(window, "View/handle", lambda: _rest_until_lit(window, 0.05))
+    _light_up(window, 0.05)
+    _zoom_and_pan_over(window, "View/handle", lambda: _light_up(window, 0.05))
 
 
 @in_window()
