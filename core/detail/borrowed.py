@@ -25,6 +25,7 @@ from core.detail.surface import SurfaceTexels, surface_normals, surface_texels
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays
 from core.models.model import Instance, Model
+from core.models.network import with_network
 from core.models.photo_detail import MAX_PHOTOS
 from core.rendering.folded_layers import batch_density
 from core.rendering.images import render_steps
@@ -161,7 +162,7 @@ def most_similar(fitted: Instance, pictures: Collection[int]) -> int:
     """Return the training object whose occupied space overlaps the fitted object's most."""
     numbers = tuple(pictures)
     shapes = _occupied_by_training_objects(fitted.model, numbers)
-    own = _occupied(fitted.model, fitted.biases[0][None])
+    own = _occupied(with_network(fitted.model, fitted.codes), fitted.biases[0][None])
     overlap = (own & shapes).sum(1) / (own | shapes).sum(1).clamp_min(1)
     return numbers[int(overlap.argmax())]
 

@@ -76,6 +76,25 @@ class Field(nn.Module):
         """Return the biases of the shape blocks and of the texture blocks."""
         return self.shape_bias(shape), self.texture_bias(texture)
 
+    @property
+    def shape_weights(self) -> tuple[Float[Tensor, "rows width"], ...]:
+        """The weights of the shape part that an object may own: views, in the order of its offsets.
+
+        The first layer is left out: renderers share its activations. Biases of the blocks have offsets of their own.
+        """
+        feature = self.feature_layer
+        return *_matrices(self.shape_block), feature.weight, feature.bias[None], self.density_layer.weight
+
+    @property
+    def texture_weights(self) -> tuple[Float[Tensor, "rows width"], ...]:
+        """The weights of the texture part, as :attr:`shape_weights`.
+
+        Those of the viewing direction are left out: few photos do not show how colours depend on it.
+        """
+        entry = self.direction_layer
+        blocks = _matrices(self.texture_block)
+        return entry.weight[:, : self.config.width], entry.bias[None], *blocks, self.colour_hidden.weight
+
     def radiance(
         self,
         points: Float[Tensor, "*batch 3"],

@@ -1,7 +1,8 @@
-"""The latent numbers of an object: a shape code and a texture code, and offsets of the biases that they become.
+"""The latent numbers of an object: a shape code and a texture code, and offsets of the network from the category's.
 
 Codes reach the network as biases (:class:`core.models.field.Field`). What codes can say is a thin surface in the space
-of those biases; offsets lead off it, to objects unlike the training objects (:mod:`core.fitting.free`).
+of those biases; offsets lead off it, to objects unlike the training objects (:mod:`core.fitting.free`). An object of
+several photos has offsets of all weights, and so a network of its own (:mod:`core.models.network`).
 """
 
 import base64
@@ -13,6 +14,7 @@ import numpy as np
 import torch
 from jaxtyping import Float, Float16
 from torch import Tensor
+from torch.nn.functional import pad
 
 CodeKind = Literal["shape", "texture"]
 CODE_KINDS: tuple[CodeKind, CodeKind] = ("shape", "texture")
@@ -27,9 +29,10 @@ class Latents:
 
     shape: Float[Tensor, "*batch shape_latent"]
     texture: Float[Tensor, "*batch texture_latent"]
-    shape_offsets: Float16[Tensor, "blocks width"] | None = None
-    """of the shape blocks' biases, in standard deviations (:attr:`core.models.model.Model.bias_std`); None: zeros"""
-    texture_offsets: Float16[Tensor, "more_blocks width"] | None = None  # of the texture blocks' biases
+    shape_offsets: Float16[Tensor, "rows width"] | None = None
+    """Offsets of the shape blocks' biases, in standard deviations (:attr:`core.models.model.Model.bias_std`); then, if
+    the object has its own network, of :attr:`core.models.field.Field.shape_weights`. None: zeros."""
+    texture_offsets: Float16[Tensor, "more_rows width"] | None = None  # the same of the texture part
 
     def __post_init__(self) -> None:
         numbers = (self.shape, self.texture, self.shape_offsets, self.texture_offsets)
@@ -60,6 +63,11 @@ class Latents:
             name: value.detach().clone() if isinstance(value, Tensor) else value for name, value in vars(self).items()
         }
 
+    @property
+    def untextured(self) -> "Latents":
+        """The shape alone, as a key of caches."""
+        return Latents(self.shape, torch.zeros_like(self.texture), self.shape_offsets)
+
     def detached(self) -> "Latents":
         """Return a copy on the processor, without gradients."""
 
@@ -70,35 +78,38 @@ class Latents:
         return Latents(copy(self.shape), copy(self.texture), *offsets)
 
     def offsets_json(self) -> dict[str, list[str]]:
-        """Return the offsets as JSON-compatible texts, one for each block; :func:`read_offsets` reads them back."""
+        """Return the offsets as JSON-compatible texts, one for each row; :func:`read_offsets` reads them back."""
         named = {"shape_offsets": self.shape_offsets, "texture_offsets": self.texture_offsets}
         return {name: _to_texts(offsets) for name, offsets in named.items() if offsets is not None}
 
 
-def read_offsets(texts: tuple[str, ...] | None) -> Float16[Tensor, "blocks width"] | None:
-    """Decode the offsets of blocks; None stays None. Raises ``ValueError`` for other texts."""
+def read_offsets(texts: tuple[str, ...] | None) -> Float16[Tensor, "rows width"] | None:
+    """Decode the rows of offsets; None stays None. Raises ``ValueError`` for other texts."""
     if texts is None:
         return None
-    blocks = [np.frombuffer(base64.b64decode(text, validate=True), np.float16) for text in texts]
-    if len({len(block) for block in blocks}) != 1:
-        raise ValueError("offsets need blocks of one width")
-    return torch.from_numpy(np.stack(blocks))
+    rows = [np.frombuffer(base64.b64decode(text, validate=True), np.float16) for text in texts]
+    if len({len(row) for row in rows}) != 1:
+        raise ValueError("offsets need rows of one width")
+    return torch.from_numpy(np.stack(rows))
 
 
-def _to_texts(offsets: Float16[Tensor, "blocks width"]) -> list[str]:
-    return [base64.b64encode(block.tobytes()).decode() for block in offsets.cpu().numpy()]
+def _to_texts(offsets: Float16[Tensor, "rows width"]) -> list[str]:
+    return [base64.b64encode(row.tobytes()).decode() for row in offsets.cpu().numpy()]
 
 
-def _key(code: Tensor, offsets: Tensor | None) -> tuple[float, ...]:
-    return tuple(code.flatten().tolist()) + (() if offsets is None else tuple(offsets.flatten().tolist()))
+def _key(code: Tensor, offsets: Tensor | None) -> tuple[Hashable, ...]:
+    # Bytes, as a network has a hundred thousand numbers; adding zero turns -0.0, which is equal, into 0.0.
+    return *code.flatten().tolist(), *(() if offsets is None else ((offsets + 0.0).cpu().numpy().tobytes(),))
 
 
 def mixed_offsets(
-    first: Float16[Tensor, "blocks width"] | None, second: Float16[Tensor, "blocks width"] | None, amount: float
-) -> Float16[Tensor, "blocks width"] | None:
-    """Interpolate linearly from the first offsets (amount 0) to the second (1); None stands for zeros."""
-    if first is None and second is None:
-        return None
-    first = torch.zeros_like(second) if first is None else first  # type: ignore[arg-type]
-    second = torch.zeros_like(first) if second is None else second
-    return torch.lerp(first.float(), second.float(), amount).half()
+    first: Float16[Tensor, "rows width"] | None, second: Float16[Tensor, "more_rows width"] | None, amount: float
+) -> Float16[Tensor, "most_rows width"] | None:
+    """Interpolate linearly from the first offsets (amount 0) to the second (1); missing ones are zeros."""
+    if first is None or second is None:
+        offsets = second if first is None else first
+        scale = amount if first is None else 1 - amount
+        return None if offsets is None else (scale * offsets.float()).half()
+    rows = max(len(first), len(second))
+    first, second = (pad(offsets.float(), (0, 0, 0, rows - len(offsets))) for offsets in (first, second))
+    return torch.lerp(first, second, amount).half()

@@ -215,14 +215,17 @@ class Model:
     def _fits(self, latents: Latents) -> bool:
         """Return whether codes and offsets have the sizes of this model's field."""
         config = self.field.config
-        sizes = {
-            "shape": (config.shape_latent,),
-            "texture": (config.texture_latent,),
-            "shape_offsets": (config.shape_blocks, config.width),
-            "texture_offsets": (config.texture_blocks, config.width),
-        }
-        tensors = {name: getattr(latents, name) for name in sizes}
-        return all(tensor is None or tensor.shape == sizes[name] for name, tensor in tensors.items())
+        if latents.shape.shape != (config.shape_latent,) or latents.texture.shape != (config.texture_latent,):
+            return False
+        parts = (
+            (latents.shape_offsets, config.shape_blocks, self.field.shape_weights),
+            (latents.texture_offsets, config.texture_blocks, self.field.texture_weights),
+        )
+        return all(
+            offsets is None
+            or (offsets.shape[1] == config.width and len(offsets) in (blocks, blocks + sum(map(len, weights))))
+            for offsets, blocks, weights in parts
+        )
 
     def biases(
         self, latents: Latents
@@ -230,9 +233,9 @@ class Model:
         """Return the biases of the shape blocks and of the texture blocks: those of the codes, plus offsets."""
         shape, texture = self.field.biases(latents.shape, latents.texture)
         if latents.shape_offsets is not None:
-            shape = shape + latents.shape_offsets.to(shape) * self.bias_std[0]
+            shape = shape + latents.shape_offsets[: shape.shape[-2]].to(shape) * self.bias_std[0]
         if latents.texture_offsets is not None:
-            texture = texture + latents.texture_offsets.to(texture) * self.bias_std[1]
+            texture = texture + latents.texture_offsets[: texture.shape[-2]].to(texture) * self.bias_std[1]
         return shape, texture
 
     def camera(self, azimuth: float, elevation: float, distance: float | None = None) -> Camera:

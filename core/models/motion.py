@@ -19,6 +19,7 @@ from core.edits.warp import MAX_STEPS, TERMS, Warp, monomials
 from core.models.field import encode
 from core.models.latents import Latents
 from core.models.model import Instance, Model
+from core.models.network import with_network
 from core.runtime.modes import usual_settings
 
 DIRECTIONS = MAX_STEPS  # the first ones, which have words
@@ -69,7 +70,7 @@ def moved_along(instance: Instance, direction: int, to: float) -> Instance:
 
 def moved_by(instance: Instance, steps: tuple[float, ...]) -> Instance:
     """Return the object that its code says, moved by steps along the first shape directions (standard deviations)."""
-    warps = [_warp(instance.model, _untextured(instance.codes), steps)] if any(steps) else []
+    warps = [_warp(instance.model, instance.codes.untextured, steps)] if any(steps) else []
     return instance.with_edits(Warp, *warps)
 
 
@@ -82,7 +83,7 @@ def _steps(instance: Instance) -> tuple[float, ...]:
 def prepare_motion(instance: Instance) -> None:
     """Measure what moves of an object need, a tenth of a second; cached, so that a drag begins at once."""
     if instance.model.supports_motion:
-        motion(instance.model, _untextured(instance.codes))
+        motion(instance.model, instance.codes.untextured)
 
 
 def reach(instance: Instance, direction: int) -> tuple[float, float]:
@@ -109,7 +110,7 @@ def edits_to_fitted(instance: Instance) -> tuple[Edit, ...]:
     if not any(followed):
         return instance.codes.space_edits
     steps = map(sum, zip(followed, _steps(instance), strict=True))
-    warp = _warp(model, _untextured(instance.detail.fitted), tuple(steps))
+    warp = _warp(model, instance.detail.fitted.untextured, tuple(steps))
     return instance.codes.with_edits(Warp, warp).space_edits
 
 
@@ -127,11 +128,6 @@ def unmoved_distance(instance: Instance) -> float:
 
 def _first_coordinates(instance: Instance) -> Float[Tensor, "directions"]:
     return instance.model.codes.shape_space.coordinates(instance.codes.shape)[:DIRECTIONS]
-
-
-def _untextured(latents: Latents) -> Latents:
-    """Return a shape alone, as a key of caches."""
-    return Latents(latents.shape, torch.zeros_like(latents.texture), latents.shape_offsets)
 
 
 @lru_cache(maxsize=64)
@@ -166,14 +162,15 @@ def motion(model: Model, origin: Latents) -> Motion:
     with usual_settings(), torch.no_grad():  # cached
         surface, normals = _surface(model, origin)
         bias = model.biases(origin)[0]
+        network = with_network(model, origin)
         offsets = bias - model.field.shape_bias(origin.shape)
         space = model.codes.shape_space
         rows = (normals[:, :, None] * monomials(surface, model.extent_tensor)[:, None]).flatten(1)
-        slope = _slopes(model, surface, bias).norm(dim=-1).clamp_min(1e-3)
+        slope = _slopes(network, surface, bias).norm(dim=-1).clamp_min(1e-3)
         velocities = []
         for step in space.basis[:DIRECTIONS]:
             ends = [origin.shape + side * _STEP * step for side in (1, -1)]
-            more, less = (_logits(model, surface, offsets + model.field.shape_bias(end)) for end in ends)
+            more, less = (_logits(network, surface, offsets + model.field.shape_bias(end)) for end in ends)
             velocity = _velocity(rows, (more - less) / (2 * _STEP * slope))
             velocity = _within_bounds(velocity, surface, model.extent_tensor)
             velocities.append(velocity * min(1.0, _STRAIN / (LIMIT * _strain(velocity, surface, model.extent_tensor))))
@@ -225,20 +222,21 @@ def _surface(model: Model, origin: Latents) -> tuple[Float[Tensor, "points 3"], 
     generator = torch.Generator().manual_seed(0)
     extent = model.extent_tensor
     bias = model.biases(origin)[0]
+    network = with_network(model, origin)
     points = (2 * torch.rand(_CANDIDATES, 3, generator=generator) - 1) * extent
     if model.occupied_cells is not None:
         cells = model.occupied_cells.nonzero()
         sampled = cells[torch.randint(len(cells), (_CANDIDATES,), generator=generator)]
         side = 2 / model.occupied_cells.shape[0]
         points = ((sampled + torch.rand(sampled.shape, generator=generator)) * side - 1) * extent
-    logits = _logits(model, points, bias)
+    logits = _logits(network, points, bias)
     order = (logits.abs() + 1e3 * (logits.abs() > _BESIDE)).argsort()
     points = points[order[: max(_POINTS, int((logits.abs() < _BESIDE).sum()))]]
     points = points[torch.randperm(len(points), generator=generator)[:_POINTS]]
-    slopes = _slopes(model, points, bias)
-    towards = _logits(model, points, bias) / slopes.square().sum(-1).clamp_min(1.0)
+    slopes = _slopes(network, points, bias)
+    towards = _logits(network, points, bias) / slopes.square().sum(-1).clamp_min(1.0)
     points = points - (towards[:, None] * slopes).clamp(-0.03, 0.03)
-    return points, -functional.normalize(_slopes(model, points, bias), dim=-1)
+    return points, -functional.normalize(_slopes(network, points, bias), dim=-1)
 
 
 def _logits(

@@ -92,8 +92,8 @@ class PhotoDetail:
     texture: Float[Tensor, "texture_latent"] = field(repr=False)
     strength: float = 1.0  # how strongly the detail is shown, 0..1
     other_side: OtherSide = "mirrored"
-    shape_offsets: Float16[Tensor, "blocks width"] | None = field(default=None, repr=False)  # as those of Latents
-    texture_offsets: Float16[Tensor, "more_blocks width"] | None = field(default=None, repr=False)
+    shape_offsets: Float16[Tensor, "rows width"] | None = field(default=None, repr=False)  # as those of Latents
+    texture_offsets: Float16[Tensor, "more_rows width"] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if not 0 <= self.strength <= 1:

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from core.edits import kinds
 from core.models.model import Instance
+from core.models.network import with_network
 from core.rendering.folded_layers import field_weights, folded_colour, folded_density
 from core.rendering.outline import outline
 from core.runtime.layers import relu_
@@ -23,10 +24,11 @@ class FoldedField:
 
     def __init__(self, instance: Instance) -> None:
         model = instance.model
-        self.field = model.field
+        network = with_network(model, instance.codes)
+        self.field = network.field
         self.device = model.device
         self.dtype = matmul_dtype(model.device.type)
-        self._weights = field_weights(model, self.dtype)
+        self._weights = field_weights(network, self.dtype)
         self._edits = instance.codes.field_edits
         self._space_edits = instance.codes.space_edits
         self._sizes = tuple(edit for edit in self._edits if edit.subject == "size")

@@ -202,16 +202,25 @@ def _field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
         return cast(field.get_parameter(f"{name}.weight")), cast(field.get_parameter(f"{name}.bias"))
 
     sigma = field.density_layer
-    point = field.point_layer
     view = entry.weight[:, width:], from_features @ features.bias + entry.bias
-    reach = _MARGIN * model.extent_tensor
+    reach = torch.ones_like(model.extent_tensor)
     return FieldWeights(
-        position=AxisLookup.from_layer(field.config.position_frequencies, point.weight, point.bias, reach, dtype),
+        position=_position_table(field.point_layer, field.config.position_frequencies, model.extent, dtype),
         shape_blocks=tuple(layer(f"shape_block.{index}")[0] for index in range(field.config.shape_blocks)),
         density=(cast(sigma.weight @ features.weight), cast(sigma.weight @ features.bias + sigma.bias)),
         features=cast(from_features @ features.weight),
-        direction=AxisLookup.from_layer(field.config.direction_frequencies, *view, torch.ones_like(reach), dtype),
+        direction=AxisLookup.from_layer(field.config.direction_frequencies, *view, reach, dtype),
         texture_blocks=tuple(layer(f"texture_block.{index}")[0] for index in range(field.config.texture_blocks)),
         hidden=layer("colour_hidden"),
         rgb=layer("colour_layer"),
     )
+
+
+@lru_cache(maxsize=4)
+@torch.no_grad()
+def _position_table(
+    layer: torch.nn.Linear, frequencies: int, extent: tuple[float, float, float], dtype: torch.dtype
+) -> AxisLookup:
+    """Return the table of a field's first layer, which the networks of a category's objects share."""
+    reach = _MARGIN * torch.tensor(extent, device=layer.weight.device)
+    return AxisLookup.from_layer(frequencies, layer.weight, layer.bias, reach, dtype)

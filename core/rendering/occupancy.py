@@ -20,7 +20,9 @@ from core.edits.edit import Edit
 from core.geometry.camera import Camera, project
 from core.geometry.rays import Rays
 from core.models.cells import contains, corner_points, corners_of, divide, max_of_corners, with_neighbours
+from core.models.latents import Latents
 from core.models.model import Instance, Model
+from core.models.network import has_network
 from core.models.occupied_cells import CELLS as STORED_CELLS
 from core.rendering.folded_field import FoldedField
 from core.rendering.ground_shadow import cast_shadow
@@ -229,7 +231,7 @@ def shape_occupancy(instance: Instance, complete: bool = True) -> Occupancy:
 def _occupancy(instance: Instance, edits: tuple[Edit, ...], complete: bool) -> Occupancy:
     """Return the occupied cells of a shape with the first of its edits of space; cached."""
     unmoved = instance.unmoved
-    key = instance.model, unmoved.codes.shape_key, edits
+    key = instance.model, unmoved.codes.untextured, edits
     occupancy: Occupancy | None = CACHE.get(CacheKind.SHAPE, key)
     if occupancy is None or (complete and not occupancy.complete):
         if edits:
@@ -246,15 +248,20 @@ def _similar_occupancy(instance: Instance) -> Occupancy | None:
     """Return the occupied cells of the model's last shape, without edits, if this one is similar to it."""
     codes = instance.codes
     space = instance.model.codes.shape_space
-    latent = codes.shape.shape[-1]
-    for (model, shape, edits), occupancy in CACHE.newest(CacheKind.SHAPE):
+    for (model, last, edits), occupancy in CACHE.newest(CacheKind.SHAPE):
         if model is instance.model and not edits:
-            last = codes.shape.new_tensor(shape)
-            away = space.distance(codes.shape, last[:latent])
-            offset = torch.zeros(()) if codes.shape_offsets is None else codes.shape_offsets.flatten().to(last)
-            offset_away = (offset - last[latent:] if len(last) > latent else offset).square().mean().sqrt()
-            return occupancy if max(float(away), float(offset_away)) < _SIMILAR_DISTANCE else None
+            if has_network(model, codes) != has_network(model, last):
+                return None
+            away = float(space.distance(codes.shape, last.shape))
+            offset_away = float((_bias_offsets(model, codes) - _bias_offsets(model, last)).square().mean().sqrt())
+            return occupancy if max(away, offset_away) < _SIMILAR_DISTANCE else None
     return None
+
+
+def _bias_offsets(model: Model, latents: Latents) -> Float[Tensor, "*blocks_width"]:
+    """Return the offsets of the shape blocks' biases, standard deviations; along with these, a network changes."""
+    offsets = latents.shape_offsets
+    return torch.zeros(()) if offsets is None else offsets[: model.field.config.shape_blocks].float()
 
 
 def splat(

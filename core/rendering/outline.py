@@ -23,6 +23,7 @@ from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays, midpoints, ray_points, uniform_edges
 from core.models.model import Instance
 from core.models.motion import edits_to_fitted, unmoved_distance
+from core.models.network import with_network
 from core.models.photo_detail import BACKGROUND, PhotoView
 from core.rendering.folded_layers import batch_density
 from core.rendering.shape_cells import shape_cells
@@ -166,7 +167,7 @@ def _distances_and_gains(fitted: Instance, view: PhotoView) -> Float[Tensor, "1 
 
 def _optical_depth(fitted: Instance, camera: Camera, pixels: Bool[Tensor, "rows columns"]) -> Float[Tensor, "rays"]:
     """Return the optical depth of a shape along the rays of the marked pixels, above 0."""
-    model = fitted.model
+    model = with_network(fitted.model, fitted.codes)
     rays = camera_rays(camera, model.extent_tensor)[pixels.to(model.device)]
     edges = uniform_edges(rays, _GAIN_SAMPLES)
     bias = fitted.biases[0][None]

@@ -12,6 +12,7 @@ from core.edits.edit import Edit
 from core.geometry.camera import Camera
 from core.geometry.rays import Rays, camera_rays, midpoints, ray_points, uniform_edges
 from core.models.model import Instance, Model
+from core.models.network import with_network
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.outline import Outline, outline
 from core.runtime.modes import isolated
@@ -103,7 +104,7 @@ def exact_rays(model: Model, camera: Camera) -> Rays:
 @torch.no_grad()
 def render_exact(instance: Instance, camera: Camera, samples: int = 256) -> Rendered:
     """Render every pixel with every sample in float32: the standard for all faster renderers."""
-    model = instance.model
+    model = with_network(instance.model, instance.codes)
     rays = exact_rays(model, instance.local_camera(camera))
     bounded = *instance.biases, outline(instance), instance.codes.field_edits
     rows = max(1, _CHUNK_POINTS // (camera.width * samples))
