@@ -5,7 +5,8 @@ themselves: shape and texture of its parameters are offsets from the biases of f
 deviations of the biases over the training codes (:attr:`core.models.model.Model.bias_std`).
 """
 
-from jaxtyping import Bool, Float
+import torch
+from jaxtyping import Bool, Float, Float16
 from torch import Tensor
 
 from core.fitting.hypotheses import Parameters
@@ -48,9 +49,21 @@ def hypothesis_codes(
         pairs = zip(spaces[0].code(parameters.shape), spaces[1].code(parameters.texture), strict=True)
         return [Codes(shape, texture) for shape, texture in pairs]
     return [
-        Codes(origin.shape, origin.texture, shape.half(), texture.half())
+        Codes(
+            origin.shape,
+            origin.texture,
+            _with_weights(shape.half(), origin.shape_offsets),
+            _with_weights(texture.half(), origin.texture_offsets),
+        )
         for shape, texture in zip(*_offsets(model, parameters), strict=True)
     ]
+
+
+def _with_weights(
+    biases: Float16[Tensor, "blocks width"], network: Float16[Tensor, "rows width"] | None
+) -> Float16[Tensor, "rows_of_both width"]:
+    """Return the offsets of biases, then those of weights from a network's."""
+    return biases if network is None else torch.cat((biases, network[len(biases) :]))
 
 
 def _offsets(

@@ -1,10 +1,10 @@
-"""The free stage of a fit: after the codes are found, every bias of the field is free.
+"""The free stage of a fit: after the codes are found, every bias of the field is free, then every weight.
 
 A code of 64 numbers enters the network as some 300 biases, so codes reach only a thin surface in the space of biases.
 Offsets from that surface are found like codes, by Gauss-Newton steps on the photos. Their prior is normal, with the
 spread of the biases over the training codes (:mod:`core.fitting.biases`). GAN inversion leaves its latent space in the
 same way (R. Abdal et al., "Image2StyleGAN", ICCV 2019; D. Roich et al., "Pivotal tuning for latent-based editing of
-real images", 2021). Density still cannot see texture.
+real images", 2021). Density still cannot see texture. Photos of several sides go on to :mod:`core.fitting.network`.
 """
 
 from collections.abc import Iterator
@@ -14,6 +14,7 @@ import torch
 
 from core.fitting.descent import refine, score
 from core.fitting.hypotheses import HypothesisBatch, one_view
+from core.fitting.network import free_network, frees_network
 from core.fitting.objective import render_pixels
 from core.fitting.observations import Observation, sample_pixels
 from core.fitting.problem import SCORING_RAYS, Problem
@@ -24,20 +25,38 @@ _CAUTION = 10.0  # times the prior's weight where the object was cut out of a ph
 _SOLID = 0.7  # opacity of codes above which they hold a background pixel of a doubtful mask for the object
 
 
-def free_biases(
+def free_steps(problem: Problem, winner: HypothesisBatch, stage: Stage) -> int:
+    """Return the number of steps of :func:`free_object`."""
+    return 2 * stage.steps if frees_network(problem, winner) else stage.steps
+
+
+def free_object(
     problem: Problem, winner: HypothesisBatch, stage: Stage, generator: torch.Generator
 ) -> Iterator[tuple[Latents, HypothesisBatch]]:
-    """Yield the winner's codes and the best hypothesis of free biases around them so far, after each step.
+    """Free the biases, then the network if the photos determine it.
+
+    Yields the winner's codes and the best hypothesis around them so far, after each step. Codes with a network have its
+    offsets.
 
     Args:
         winner: result of the search, a single hypothesis.
         stage: :attr:`core.fitting.schedule.Schedule.free`.
     """
+    problem = _cautious(problem, winner, generator)
+    for origin, freed in _free_biases(problem, winner, stage, generator):
+        yield origin, freed
+    if frees_network(problem, winner):
+        yield from free_network(problem, origin, freed, stage, generator)
+
+
+def _free_biases(
+    problem: Problem, winner: HypothesisBatch, stage: Stage, generator: torch.Generator
+) -> Iterator[tuple[Latents, HypothesisBatch]]:
     parameters = winner.parameters
     shapes, textures = problem.spaces
     origin = Latents(shapes.code(parameters.shape[0]), textures.code(parameters.texture[0]))
     shape, texture = (torch.zeros(1, std.numel()) for std in problem.model.bias_std)
-    problem = replace(_cautious(problem, winner, generator), origin=origin)
+    problem = replace(problem, origin=origin)
     start = replace(winner, parameters=parameters._replace(shape=shape, texture=texture))
     start = score(problem, start, stage.robust_scale)  # by this objective, whose prior is of the offsets
     for best in refine(problem, start, stage, generator):

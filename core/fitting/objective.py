@@ -163,7 +163,15 @@ def evaluate_objective(
         cells: cells that each shape may occupy; None: ``model.occupied_cells``.
         origin: see :func:`core.fitting.biases.hypothesis_biases`.
     """
-    rendered = render_pixels(model, parameters, pixels, samples, cells, origin)
+    return objective_value(
+        objective, parameters, render_pixels(model, parameters, pixels, samples, cells, origin), pixels
+    )
+
+
+def objective_value(
+    objective: Objective, parameters: Parameters, rendered: RenderedPixels, pixels: PixelBatch
+) -> ObjectiveValue:
+    """Return the objective of hypotheses from their renders of some pixels."""
     terms = [term(pixels, objective) for term in objective.terms]
     value = torch.stack([term_value(term, term.residual(parameters, rendered)) for term in terms]).sum(0)
     return ObjectiveValue(value, image_squared_error(rendered, pixels, objective.occluder_scale).detach())

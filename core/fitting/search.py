@@ -14,7 +14,7 @@ import torch
 from core.fitting.biases import hypothesis_codes
 from core.fitting.confidence import confidence
 from core.fitting.descent import log_ratio, optimise, refine, score, select
-from core.fitting.free import free_biases
+from core.fitting.free import free_object, free_steps
 from core.fitting.gauss_newton import camera_uncertainty
 from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, concatenate, other_basins, to_hypotheses
 from core.fitting.initial import initial_hypotheses, local_hypotheses, resume_from
@@ -198,11 +198,12 @@ class Search:
         return searched
 
     def free(self, searched: SearchState, stage: Stage) -> Iterator[SearchState]:
-        """6. Free the biases."""
-        hypotheses = free_biases(self.problem, searched.leader, stage, self.generator)
-        for number, (origin, freed) in enumerate(hypotheses, 1):
-            finished = number == stage.steps
-            yield replace(searched, freed=freed, origin=origin, remaining=None, finished=finished)
+        """6. Free the biases, then the network."""
+        inputs = self.problem, searched.leader, stage
+        steps = free_steps(*inputs)
+        for number, (origin, freed) in enumerate(free_object(*inputs, self.generator), 1):
+            finished = number == steps
+            yield replace(searched, freed=freed, origin=origin, remaining=steps - number, finished=finished)
 
     def _all_but_last(
         self, batches: Iterator[HypothesisBatch], winner: HypothesisBatch | None = None

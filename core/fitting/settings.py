@@ -81,6 +81,7 @@ class Components:
     robust_loss: bool = True  # Cauchy's loss in the last stages, else squared errors throughout
     mask_loss: bool = True  # include the term of opacity errors
     camera_prior: bool = True  # include the camera prior
+    network: bool = True  # free the network if the photos determine it (:mod:`core.fitting.network`)
 
 
 ALL_COMPONENTS = Components()

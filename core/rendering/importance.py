@@ -44,6 +44,7 @@ def render_top_samples(
     shape_bias: Float[Tensor, "objects blocks width"],
     texture_bias: Float[Tensor, "objects more_blocks width"],
     cells: Bool[Tensor, "#objects x y z"] | None = None,
+    present: Model | None = None,
 ) -> Float[Tensor, "objects views rays 4"]:
     """Render rays of (objects, views, rays): red, green, blue and opacity.
 
@@ -54,13 +55,14 @@ def render_top_samples(
 
     Args:
         samples: intervals of each ray.
-        cells: see :func:`core.rendering.folded_field.batch_density`.
+        cells: see :func:`core.rendering.folded_layers.batch_density`.
+        present: constant copy of a model whose weights are being trained, for all that is not differentiated.
     """
     differentiable = torch.is_grad_enabled()
     depths, edges = sample_intervals(model, rays, samples)
     points = ray_points(rays, depths).flatten(1, 3)
     with torch.no_grad():
-        densities = batch_density(model, points, shape_bias, cells)
+        densities = batch_density(present or model, points, shape_bias, cells)
         weights, transmittance = compositing_weights(densities.reshape(depths.shape), edges)
         top = largest_weights(weights, kept, 0.0 if differentiable else MIN_WEIGHT)
     ray = top // samples
