@@ -76,7 +76,7 @@ def free_network(
         stage: of the biases; there are as many updates as it has steps.
     """
     training = _Training(problem, origin, freed, stage, generator)
-    best = training.scored()
+    best = origin, training.scored()[1]
     for _ in range(stage.steps):
         training.update()
         best = min(best, training.scored(), key=lambda candidate: float(candidate[1].loss))
@@ -95,8 +95,8 @@ class _Training:
         self._samples = stage.samples
         self._objective = problem.objective(stage.robust_scale)
         self._generator = generator
-        # Steps do not see the pixels that decide.
-        self._seen, held_out = zip(*map(_divided, problem.observations), strict=True)
+        # Steps do not see the pixels that scores are of.
+        self._observations, held_out = zip(*map(_divided, problem.observations), strict=True)
         self._held_out = sample_pixels(held_out, max(1, SCORING_RAYS // len(held_out)), generator)
         self._haze_rays = _random_rays(problem.model, SCORING_RAYS // (4 * _HAZE_CAMERAS), generator)
         self._field = copy_field(problem.model.field)
@@ -107,10 +107,8 @@ class _Training:
             )
         )
         self._moved = torch.zeros_like(self._rates, requires_grad=True)  # in units of the rates
-        leaves = [weight if weight._base is None else weight._base for weight in _weights(self._field)]
-        for leaf in leaves:
-            leaf.requires_grad_(True)
-        groups = [{"params": leaves, "lr": _RATE}, {"params": [self._moved], "lr": 1.0}]
+        self._leaves = [weight if weight._base is None else weight._base for weight in _weights(self._field)]
+        groups = [{"params": self._leaves, "lr": _RATE}, {"params": [self._moved], "lr": 1.0}]
         self._adam = torch.optim.Adam(groups, betas=_BETAS)
         self._schedule = torch.optim.lr_scheduler.ExponentialLR(self._adam, _DECAY ** (1 / (_UPDATE * stage.steps)))
 
@@ -120,7 +118,8 @@ class _Training:
         with torch.no_grad():
             cells = shape_cells(present, self._biases(self._parameters())[0])
         trained = replace(present, field=self._field)
-        self._field.requires_grad_(True)
+        for leaf in self._leaves:  # not the layers shared with the category
+            leaf.requires_grad_(True)
         for _ in range(_UPDATE):
             loss = self._loss(trained, present, cells)
             self._adam.zero_grad()
@@ -150,7 +149,7 @@ class _Training:
         """Return the loss of a step on random pixels and random cameras."""
         parameters = self._parameters()
         biases = self._biases(parameters)
-        pixels = sample_pixels(self._seen, max(1, _RAYS // len(self._seen)), self._generator)
+        pixels = sample_pixels(self._observations, max(1, _RAYS // len(self._observations)), self._generator)
         jitter = torch.rand(pixels.points.shape[:2], generator=self._generator) - 0.5
         rays = hypothesis_rays(present, parameters, pixels, self._samples, jitter)
         rendered = RenderedPixels(pixels.mean_of_rays(_render(trained, rays, self._samples, biases, cells, present)))
@@ -184,16 +183,14 @@ def _weights(field: Field) -> tuple[Float[Tensor, "rows width"], ...]:
 
 
 def _divided(observation: Observation) -> tuple[Observation, Observation]:
-    """Divide a photo's pixels into those that steps see and those that are held out."""
-    numbers = [torch.arange(len(stratum)) % _HELD_OUT == 0 for stratum in observation.strata]
-    parts = (
-        replace(
-            observation, strata=tuple(stratum[mask] for stratum, mask in zip(observation.strata, masks, strict=True))
-        )
-        for masks in ([~mask if mask.sum() < len(mask) else mask for mask in numbers], numbers)
-    )
-    seen, held_out = parts
-    return seen, held_out
+    """Divide a photo's pixels into those to train on and held-out ones."""
+    training = []
+    held_out = []
+    for stratum in observation.strata:
+        mask = torch.arange(len(stratum)) % _HELD_OUT == 0
+        training.append(stratum[~mask] if len(stratum) > 1 else stratum)
+        held_out.append(stratum[mask])
+    return replace(observation, strata=tuple(training)), replace(observation, strata=tuple(held_out))
 
 
 def _random_rays(model: Model, count: int, generator: torch.Generator) -> Rays:

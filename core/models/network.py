@@ -26,7 +26,7 @@ def has_network(model: Model, latents: Latents) -> bool:
 def with_network(model: Model, latents: Latents) -> Model:
     """Return the model that renders an object: a copy with the object's network, or the model itself."""
     offsets = _weight_offsets(model, latents)
-    return model if offsets is None else _own(model, offsets)
+    return model if offsets is None else _with_offsets(model, offsets)
 
 
 def copy_field(field: Field) -> Field:
@@ -52,18 +52,18 @@ def weight_offsets(
 def _weight_offsets(model: Model, latents: Latents) -> Latents | None:
     """Return the offsets of weights alone, as latents without codes, which are compared by value; None: zeros."""
     config = model.field.config
-    parts = (latents.shape_offsets, config.shape_blocks), (latents.texture_offsets, config.texture_blocks)
-    shape, texture = (None if rows is None or len(rows) <= blocks else rows[blocks:] for rows, blocks in parts)
+    pairs = (latents.shape_offsets, config.shape_blocks), (latents.texture_offsets, config.texture_blocks)
+    shape, texture = (None if rows is None or len(rows) <= blocks else rows[blocks:] for rows, blocks in pairs)
     return None if shape is None and texture is None else Latents(torch.zeros(0), torch.zeros(0), shape, texture)
 
 
 @lru_cache(maxsize=8)
-def _own(model: Model, offsets: Latents) -> Model:
+def _with_offsets(model: Model, offsets: Latents) -> Model:
     """Return the model with offsets added to its weights; cached, as edits and codes do not change them."""
     with usual_settings(), torch.no_grad():
         field = copy_field(model.field)
-        parts = (field.shape_weights, offsets.shape_offsets), (field.texture_weights, offsets.texture_offsets)
-        for weights, rows in parts:
+        pairs = (field.shape_weights, offsets.shape_offsets), (field.texture_weights, offsets.texture_offsets)
+        for weights, rows in pairs:
             if rows is not None:
                 for weight, change in zip(weights, rows.split(list(map(len, weights))), strict=True):
                     weight += change.to(weight)
