@@ -9,8 +9,8 @@ from core.fitting.fit import FitJob, fit
 from core.fitting.hypotheses import HypothesisBatch, Parameters
 from core.fitting.network import frees_network
 from core.fitting.problem import Problem
-from core.metrics import psnr
-from core.models.model import Model
+from core.metrics import haze, psnr
+from core.models.model import Instance, Model
 from core.models.network import has_network
 from core.photos.photo import Photo
 from core.rendering.images import render_image
@@ -72,3 +72,21 @@ def test_a_network_explains_an_object_that_no_bias_reaches(tiny: Model):
     assert steps[-1].instance.detail.fitted.shape_key == steps[-1].instance.codes.shape_key
     del vars(tiny)["fingerprint"]
     assert tiny.fingerprint == fingerprint
+    assert not any(weight.requires_grad or weight.grad is not None for weight in tiny.field.parameters())
+
+
+@pytest.mark.parametrize("azimuths", [(0.3, 2.4, 4.5), (0.3, 0.5, 1.0)], ids=["around", "one side"])
+def test_photos_that_contradict_each_other_are_not_explained_by_haze(tiny: Model, azimuths):
+    cameras = [tiny.camera(azimuth, 0.4) for azimuth in azimuths]
+    contradicting = tuple(replace(photo_of(tiny[index], camera), camera=camera) for index, camera in enumerate(cameras))
+    job = FitJob(contradicting, SETTINGS)
+    *_, network = fit(tiny, job)
+    *_, biases = fit(tiny, replace(job, components=replace(job.components, network=False)))
+    assert has_network(tiny, network.instance.codes) <= (azimuths[-1] > 2)
+    before, after = (mean_haze(step.instance.with_detail(None)) for step in (biases, network))
+    assert after <= before + 0.02
+
+
+def mean_haze(instance: Instance) -> float:
+    cameras = [instance.model.camera(azimuth, 0.4) for azimuth in (1.3, 3.4, 5.5)]
+    return sum(haze(render_image(instance, camera).opacity.numpy()) for camera in cameras) / len(cameras)
