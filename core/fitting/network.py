@@ -124,8 +124,8 @@ class _Training:
             loss = self._loss(trained, present, cells)
             self._adam.zero_grad()
             loss.backward()
-            entry = self._field.direction_layer.weight
-            entry.grad[:, self._field.config.width :] = 0.0  # see Field.texture_weights
+            if (gradient := self._field.direction_layer.weight.grad) is not None:
+                gradient[:, self._field.config.width :] = 0.0  # of directions (Field.texture_weights)
             self._adam.step()
             self._schedule.step()
 
@@ -178,7 +178,7 @@ class _Training:
         return replace(self._origin, shape_offsets=shape, texture_offsets=texture)
 
 
-def _weights(field: Field) -> tuple[Float[Tensor, "rows width"], ...]:
+def _weights(field: Field) -> tuple[Float[Tensor, "_ width"], ...]:
     return *field.shape_weights, *field.texture_weights
 
 

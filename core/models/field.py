@@ -77,7 +77,7 @@ class Field(nn.Module):
         return self.shape_bias(shape), self.texture_bias(texture)
 
     @property
-    def shape_weights(self) -> tuple[Float[Tensor, "rows width"], ...]:
+    def shape_weights(self) -> tuple[Float[Tensor, "_ width"], ...]:
         """The weights of the shape part that an object may own: views, in the order of its offsets.
 
         The first layer is left out: renderers share its activations. Biases of the blocks have offsets of their own.
@@ -86,7 +86,7 @@ class Field(nn.Module):
         return *_matrices(self.shape_block), feature.weight, feature.bias[None], self.density_layer.weight
 
     @property
-    def texture_weights(self) -> tuple[Float[Tensor, "rows width"], ...]:
+    def texture_weights(self) -> tuple[Float[Tensor, "_ width"], ...]:
         """The weights of the texture part, as :attr:`shape_weights`.
 
         Those of the viewing direction are left out: few photos do not show how colours depend on it.
