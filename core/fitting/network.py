@@ -36,7 +36,7 @@ from core.rendering.importance import render_top_samples
 from core.rendering.shape_cells import shape_cells
 from core.runtime.precision import autocast
 
-_MIN_PHOTOS = 3
+MIN_PHOTOS = 3
 _MIN_ARC = math.radians(90)  # of azimuth: photos of one side do not show the others
 _UPDATE = 10  # steps between updates, in which the same network chooses the samples of rays
 _RAYS = 512  # of a step, shared by all photos
@@ -60,7 +60,7 @@ def frees_network(problem: Problem, winner: HypothesisBatch) -> bool:
     Photos that are left out do not count. The spread is the shortest arc that holds all cameras' azimuths.
     """
     azimuth = (winner.parameters.angles[0, problem.included, 0] % (2 * math.pi)).sort().values
-    if len(azimuth) < _MIN_PHOTOS or not problem.components.network:
+    if len(azimuth) < MIN_PHOTOS or not problem.components.network:
         return False
     gaps = torch.cat((azimuth, azimuth[:1] + 2 * math.pi)).diff()
     return 2 * math.pi - float(gaps.max()) >= _MIN_ARC

@@ -48,7 +48,7 @@ class SearchState:
     remaining: int | None = None  # iterations that follow, if they may differ from the schedule
     finished: bool = False  # the result is complete; another search may follow
     freed: HypothesisBatch | None = None  # the result with free biases, in the free stage
-    origin: Latents | None = None  # the codes whose biases are free
+    origin: Latents | None = None  # the codes whose biases are free, with the offsets of a free network
 
     @property
     def leader(self) -> HypothesisBatch:

@@ -15,6 +15,7 @@ import torch
 
 from core.fitting.confidence import RIGHT_DEGREES
 from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
+from core.fitting.network import MIN_PHOTOS
 from core.fitting.paper import fit_as_set
 from core.fitting.settings import ALL_COMPONENTS, Components
 from core.geometry.camera import Camera
@@ -68,13 +69,20 @@ SPEED = {
     "codes alone": FitCase(_CODES),
     **{f"{count} photos": FitCase(_USUAL, count) for count in (2, 3, 5)},
 }  # speed against accuracy; the cameras are unknown
-LEVELS = {"mean object": 0, "8 + 8": 8, "16 + 16": 16, "32 + 32": 32, "all codes": None, "biases": None}
-"""free numbers, and the directions of shape and texture codes"""
+_CODE_LEVELS = {"mean object": 0, "8 + 8": 8, "16 + 16": 16, "32 + 32": 32, "all codes": None}
+"""directions of shape and texture codes"""
+_BIASES = replace(ALL_COMPONENTS, network=False)
+_COUNTS = 1, 2, 3, 5
 FREEDOM = {
-    f"{level}, {count}": FitCase(_USUAL if level == "biases" else _CODES, count, True, directions)
-    for level, directions in LEVELS.items()
-    for count in (1, 2, 3, 5)
+    **{
+        f"{level}, {count}": FitCase(_CODES, count, True, directions)
+        for level, directions in _CODE_LEVELS.items()
+        for count in _COUNTS
+    },
+    **{f"biases, {count}": FitCase(_USUAL, count, True, components=_BIASES) for count in _COUNTS},
+    **{f"network, {count}": FitCase(_USUAL, count, True) for count in _COUNTS[2:]},
 }  # the worth of more freedom; the cameras are known
+LEVELS = *_CODE_LEVELS, "biases", "network"
 PAPER = {f"paper, {count} posed": FitCase(PRESETS["paper"], count, True) for count in (1, 2)}
 """The paper's recipe with the paper's one and two views."""
 WITHOUT = {
@@ -146,9 +154,12 @@ def camera_error(view: HeldOutView, fitted: Camera, truth: Camera) -> float:
 
 
 def free_numbers(model: Model, case: FitCase) -> int:
-    """Return how many numbers of an object a case may choose."""
+    """Return how many numbers of an object a case may choose, where photos show all of its sides."""
     if case.settings.free_steps and not model.white_from_network:
-        return sum(std.numel() for std in model.bias_std)
+        biases = sum(std.numel() for std in model.bias_std)
+        frees_all = case.components.network and case.photos >= MIN_PHOTOS
+        weights = *model.field.shape_weights, *model.field.texture_weights
+        return biases + frees_all * sum(weight.numel() for weight in weights)
     return sum(len(space.std) for space in (model.codes.shape_space, model.codes.texture_space))
 
 

@@ -216,8 +216,9 @@ def _freedom_sentences(frames: Frames) -> str:
     sentences = []
     for photos, group in level_rows(frames["fits"]).groupby("photos"):
         worth = group.groupby("level")["novel.psnr"].mean().reindex(list(LEVELS))
-        gain = worth["biases"] - worth["all codes"]
-        sentences.append(f"{photos}: {worth.idxmax()}, {worth.max():.1f} dB; biases {gain:+.1f} dB over all codes")
+        gains = worth[["all codes", "biases", "network"]].diff().dropna()
+        words = ", ".join(f"{level} {gain:+.1f} dB" for level, gain in gains.items())
+        sentences.append(f"{photos}: {worth.idxmax()}, {worth.max():.1f} dB; over the level before, {words}")
     return f"Best for other views, by the number of photos: {'. '.join(sentences)}."
 
 
@@ -265,7 +266,7 @@ def _failure_picture(frames: Frames) -> str:
 _RECONSTRUCTION = {
     "biases, 1": "1 view",
     "biases, 2": "2 views",
-    "biases, 3": "3 views",
+    "network, 3": "3 views",
     DEFAULT: "1 view, camera unknown",
     "paper, 1 posed": "the paper's recipe, 1 view",
     "paper, 2 posed": "the paper's recipe, 2 views",

@@ -48,7 +48,7 @@ def test_charts_and_page_show_what_was_measured(tmp_path: Path) -> None:
     assert all(image_size(tmp_path / f"{name}.png")[0] > 400 for name in CHARTS)
     page = (tmp_path / PAGE).read_text()
     assert "| **normal** | 2 | 4.0; 4.0 | 100; 100 | 21.0; 21.0 |" in page
-    assert "1: mean object, 21.0 dB; biases +0.0 dB over all codes" in page
+    assert "1: mean object, 21.0 dB; over the level before, biases +0.0 dB. 2: " in page
     assert "of 24 wrong results among 24, the program doubts 0; 0 are wrong and sure" in page
     assert "Not measured yet." not in page
 
