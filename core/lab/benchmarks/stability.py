@@ -45,12 +45,17 @@ class StabilityTrial:
 
 
 def cases(quick: bool) -> tuple[str, ...]:
-    """Return the names of the cases: every level by every method; quickly, the last level by the default alone."""
+    """Return the names of the cases: every level by the default, and the last one by the paper's recipe.
+
+    Args:
+        quick: the last level by the default alone.
+    """
     return tuple(
         f"{name} {level:g}, {method}"
         for name, stressor in STRESSORS.items()
         for level in (stressor.levels[-1:] if quick else stressor.levels)
-        for method in METHODS[: 1 if quick or stressor.stranger or stressor.intruders else None]
+        for method in METHODS
+        if method == DEFAULT or not (quick or level != stressor.levels[-1] or stressor.stranger or stressor.intruders)
     )
 
 
