@@ -72,15 +72,15 @@ SPEED = {
 _CODE_LEVELS = {"mean object": 0, "8 + 8": 8, "16 + 16": 16, "32 + 32": 32, "all codes": None}
 """directions of shape and texture codes"""
 _BIASES = replace(ALL_COMPONENTS, network=False)
-_COUNTS = 1, 2, 3, 5
+PHOTO_COUNTS = 1, 2, 3, 5
 FREEDOM = {
     **{
         f"{level}, {count}": FitCase(_CODES, count, True, directions)
         for level, directions in _CODE_LEVELS.items()
-        for count in _COUNTS
+        for count in PHOTO_COUNTS
     },
-    **{f"biases, {count}": FitCase(_USUAL, count, True, components=_BIASES) for count in _COUNTS},
-    **{f"network, {count}": FitCase(_USUAL, count, True) for count in _COUNTS[2:]},
+    **{f"biases, {count}": FitCase(_USUAL, count, True, components=_BIASES) for count in PHOTO_COUNTS},
+    **{f"network, {count}": FitCase(_USUAL, count, True) for count in PHOTO_COUNTS[2:]},
 }  # the worth of more freedom; the cameras are known
 LEVELS = *_CODE_LEVELS, "biases", "network"
 PAPER = {f"paper, {count} posed": FitCase(PRESETS["paper"], count, True) for count in (1, 2)}

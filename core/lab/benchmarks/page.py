@@ -17,7 +17,7 @@ from core.lab.benchmarks.bench import BENCHMARKS
 from core.lab.benchmarks.charts import CHARTS, Frames, draw, level_rows
 from core.lab.benchmarks.fits import DEFAULT, LEVELS, SPEED, WITHOUT
 from core.lab.benchmarks.frames import SIZES
-from core.lab.benchmarks.pictures import EXCHANGE, FAILURE
+from core.lab.benchmarks.pictures import EXCHANGE, FAILURE, PHOTOS
 from core.lab.benchmarks.results import read_frame
 from core.lab.benchmarks.stability import surest_mistakes, wrong_and_sure
 from core.lab.benchmarks.stressors import STRESSORS
@@ -288,6 +288,7 @@ BLOCKS: dict[str, _Block] = {
     "reconstruction_table": (("fits",), _reconstruction_table),
     "exchange": (("disentanglement",), _exchange_sentence),
     "failure_picture": (("stability",), _failure_picture),
+    "photos_picture": (("fits",), lambda _: f"![From 1, 2, 3 and 5 photos, and the truth]({PHOTOS})"),
     "exchange_picture": (("disentanglement",), lambda _: f"![Every shape, a row, in every texture]({EXCHANGE})"),
     **{f"{name}_chart": (chart.benchmarks, partial(_link, name)) for name, chart in CHARTS.items()},
 }  # the benchmarks that each block needs, and its function

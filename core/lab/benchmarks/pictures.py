@@ -1,4 +1,4 @@
-"""Pictures of the benchmarks: objects that exchange shapes and textures, and a fit that is wrong and sure."""
+"""Pictures of the benchmarks: shapes and textures exchanged, fits of several photos, fits that are wrong and sure."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,15 +12,16 @@ from core.detail.progressive import render_frame
 from core.fitting.fit import PRESETS, FitJob, fit
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
-from core.lab.benchmarks.fits import DEFAULT
-from core.lab.benchmarks.held_out_views import HeldOutView, held_out_view
+from core.lab.benchmarks.fits import DEFAULT, PHOTO_COUNTS
+from core.lab.benchmarks.held_out_views import MOST_PHOTOS, HeldOutView, held_out_view
 from core.lab.benchmarks.stability import corrupted_photos, surest_mistakes
 from core.lab.benchmarks.stressors import STRESSORS
 from core.lab.datasets.splits import evenly_spaced
 from core.lab.datasets.srn import index_objects
+from core.metrics import rotation_error
 from core.models.model import Instance
 
-EXCHANGE, FAILURE = "exchange.png", "failure.png"
+EXCHANGE, FAILURE, PHOTOS = "exchange.png", "failure.png", "photos.png"
 _SIDE = 160  # px of an image
 _OBJECTS = 4  # of each category that exchange textures
 
@@ -54,14 +55,35 @@ def draw_failure(datasets: tuple[Path, ...], trials: pd.DataFrame, out: Path) ->
         Image.fromarray(_grid(rows)).save(out / FAILURE)
 
 
+def draw_photos(datasets: tuple[Path, ...], out: Path) -> None:
+    """Draw an object of each category, a row, fitted to 1, 2, 3 and 5 photos without cameras, beside the truth.
+
+    They are seen from the view furthest from the first photo. Photo detail is left out.
+    """
+    rows = []
+    for folder in datasets:
+        category, entries = index_objects([folder])
+        view = held_out_view(datasets, category, entries[0].name, 0)
+        (first,) = view.cameras()
+        furthest = max(view.order[MOST_PHOTOS:], key=lambda index: rotation_error(view.views.cameras[index], first))
+        jobs = [FitJob(view.photos(count, False), PRESETS[DEFAULT], view.seed) for count in PHOTO_COUNTS]
+        steps = [[*fit(view.model, job)][-1] for job in jobs]
+        camera = view.views.cameras[furthest]
+        row = [_image(step.instance.with_detail(None), camera) for step in steps]
+        rows.append([*row, _resized(view.views.images[furthest])])
+    Image.fromarray(_grid(rows)).save(out / PHOTOS)
+
+
 def _failure(
     view: HeldOutView, photo: UInt8[np.ndarray, "height width 3"], instance: Instance, camera: Camera
 ) -> list[UInt8[np.ndarray, "side side 3"]]:
     index = view.order[-1]
-    truth = Image.fromarray(view.views.images[index])
-    pictures = [Image.fromarray(photo), truth]
-    resized = [np.asarray(picture.resize((_SIDE, _SIDE), Image.Resampling.BICUBIC)) for picture in pictures]
-    return [resized[0], _image(instance, camera), resized[1], _image(instance, view.views.cameras[index])]
+    other = view.views.cameras[index]
+    return [_resized(photo), _image(instance, camera), _resized(view.views.images[index]), _image(instance, other)]
+
+
+def _resized(image: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "side side 3"]:
+    return np.asarray(Image.fromarray(image).resize((_SIDE, _SIDE), Image.Resampling.BICUBIC))
 
 
 def _image(instance: Instance, camera: Camera) -> UInt8[np.ndarray, "side side 3"]:
