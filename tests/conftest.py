@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import hypothesis
 import jaxtyping
@@ -37,6 +37,7 @@ import moderngl  # noqa: E402
 import torch  # noqa: E402
 from PIL import Image  # noqa: E402
 
+from core.gl.offscreen import OffscreenRenderer  # noqa: E402
 from core.models.codes import CodeBook, Entry  # noqa: E402
 from core.models.field import Field  # noqa: E402
 from core.models.field_config import FieldConfig  # noqa: E402
@@ -94,6 +95,14 @@ def no_opengl(error: Exception) -> NoReturn:
     if os.environ.get("CI", "").lower() == "true":
         pytest.fail(message)
     pytest.skip(message)
+
+
+def offscreen(size: tuple[int, int], **options: Any) -> OffscreenRenderer:
+    """OpenGL that draws baked objects without a window."""
+    try:
+        return OffscreenRenderer(size, **options)
+    except RuntimeError as error:
+        no_opengl(error)
 
 
 @pytest.fixture(scope="module")

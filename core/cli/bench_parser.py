@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from core.cli.argument_types import count, number_from
-from core.cli.options import add_command
+from core.cli.options import add_command, option
 
 BENCHMARK_NAMES = ("fits", "stability", "frames", "exports", "disentanglement")
 
@@ -18,21 +18,15 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         kind = add_command(kinds, name, f"measure.bench_{name}", help_text)
         for add in option_adders:
             add(kind)
-        kind.add_argument("--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="folder of the charts")
+        option(kind, "--out", Path, "DIR", "folder of the charts", default=Path("assets/charts"))
 
 
 def _add_all(kind: argparse.ArgumentParser) -> None:
     kind.add_argument("--quick", action="store_true", help="a few cases and objects in five minutes")
-    kind.add_argument(
-        "--minutes", type=number_from(0, 1e5), metavar="M", help="when to stop (default: when all is done)"
-    )
-    kind.add_argument(
-        "--dataset", type=Path, nargs="+", metavar="D", help="held-out objects (default: assets/benchmark)"
-    )
-    kind.add_argument("--objects", type=count, metavar="N", help="of each dataset (default: all; quickly two)")
-    kind.add_argument(
-        "--views", type=count, default=1, metavar="N", help="fitted views of each object, one after another"
-    )
+    option(kind, "--minutes", number_from(0, 1e5), "M", "when to stop (default: when all is done)")
+    option(kind, "--dataset", Path, "D", "held-out objects (default: assets/benchmark)", nargs="+")
+    option(kind, "--objects", count, "N", "of each dataset (default: all; quickly two)")
+    option(kind, "--views", count, "N", "fitted views of each object, one after another", default=1)
     kind.add_argument(
         "--only", choices=BENCHMARK_NAMES, nargs="+", metavar="NAME", help=f"some of {', '.join(BENCHMARK_NAMES)}"
     )

@@ -62,50 +62,50 @@ class _Input(NamedTuple):
     side: Side | None = None  # that a person names
 
 
-def fit(chosen: argparse.Namespace) -> None:
+def fit(args: argparse.Namespace) -> None:
     """Run ``fit``: estimate camera and codes of the object in the images; end with a line of JSON."""
-    _split_sides(chosen)
-    check_counts(chosen)
-    _check_files(chosen)
+    _split_sides(args)
+    check_counts(args)
+    _check_files(args)
     clock = Stopwatch()
-    fitted = fit_images(chosen, clock)
+    fitted = fit_images(args, clock)
     try:
-        _write_files(chosen, fitted)
+        _write_files(args, fitted)
     finally:  # files first, because the output may have no reader; printed even if a file fails
         say_doubts(fitted)
-        print(json.dumps(to_dict(fitted.last) | seconds_of(chosen, clock)), flush=True)
+        print(json.dumps(to_dict(fitted.last) | seconds_of(args, clock)), flush=True)
 
 
-def fit_images(chosen: argparse.Namespace, clock: "Stopwatch") -> Fitted:
+def fit_images(args: argparse.Namespace, clock: "Stopwatch") -> Fitted:
     """Fit the object in the chosen images, under progress bars."""
-    settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.estimate_focal)
-    inputs = list(_read_inputs(chosen, clock))
-    _compare_categories(chosen, inputs)
+    settings = replace(PRESETS[args.preset], estimate_focal=args.estimate_focal)
+    inputs = list(_read_inputs(args, clock))
+    _compare_categories(args, inputs)
     cuts = tuple(source.cut for source in inputs)
-    name = chosen.model or likeliest_model(cuts[0].categories)
-    model = load_model(model_with(chosen.resume and scene_model(chosen.resume), name), chosen.device)
-    kept, hypothesis = resume_point(open_scene(chosen.resume, model).instance) if chosen.resume else ((), None)
+    name = args.model or likeliest_model(cuts[0].categories)
+    model = load_model(model_with(args.resume and scene_model(args.resume), name), args.device)
+    kept, hypothesis = resume_point(open_scene(args.resume, model).instance) if args.resume else ((), None)
     with clock("view_bank"):
         wait_for_view_bank(model)
-    photos = *kept, *map(_photo, inputs, repeat(model), repeat(chosen.pose_scale))
-    _say_category(chosen, model, cuts[0].categories)
+    photos = *kept, *map(_photo, inputs, repeat(model), repeat(args.pose_scale))
+    _say_category(args, model, cuts[0].categories)
     with clock("search"):
-        last = _search(model, FitJob(photos, settings, chosen.seed, hypothesis), chosen.log)
+        last = _search(model, FitJob(photos, settings, args.seed, hypothesis), args.log)
     names = [
-        *(f"photo {number} of {chosen.resume}" for number in range(1, 1 + len(kept))),
+        *(f"photo {number} of {args.resume}" for number in range(1, 1 + len(kept))),
         *(source.name for source in inputs),
     ]
     return Fitted(model, names, photos, cuts, last, inputs[0].image)
 
 
-def _read_inputs(chosen: argparse.Namespace, clock: "Stopwatch") -> Iterator[_Input]:
+def _read_inputs(args: argparse.Namespace, clock: "Stopwatch") -> Iterator[_Input]:
     """Read the images and cut out their objects; a video gives several."""
-    nothing = [None] * len(chosen.images)
-    hints = map(_hints, chosen.images, chosen.box or nothing, chosen.point or nothing, chosen.object or nothing)
-    options = hints, chosen.mask or nothing, _poses(chosen) or nothing, chosen.sides or nothing
-    for path, hint, mask, posed, side in zip(chosen.images, *options, strict=True):
+    nothing = [None] * len(args.images)
+    hints = map(_hints, args.images, args.box or nothing, args.point or nothing, args.object or nothing)
+    options = hints, args.mask or nothing, _poses(args) or nothing, args.sides or nothing
+    for path, hint, mask, posed, side in zip(args.images, *options, strict=True):
         if is_clip(path):
-            yield from _frame_inputs(path, chosen.frames or FRAMES, clock)
+            yield from _frame_inputs(path, args.frames or FRAMES, clock)
         else:
             yield _Input(path, *_cut_out(path, hint, mask, clock), posed, side)
 
@@ -130,30 +130,30 @@ def say_doubts(fitted: Fitted) -> None:
         say(f"{fitted.names[number]}: this looks like another object, so it is left out")
 
 
-def fitted_scene(chosen: argparse.Namespace, last: FitStep) -> Scene:
+def fitted_scene(args: argparse.Namespace, last: FitStep) -> Scene:
     """Return the fitted scene of the first photo, without photo detail if so chosen."""
-    instance = last.instance.with_detail(None) if chosen.no_photo_detail else last.instance
+    instance = last.instance.with_detail(None) if args.no_photo_detail else last.instance
     return Scene(instance, last.cameras[0])
 
 
-def seconds_of(chosen: argparse.Namespace, clock: "Stopwatch") -> dict[str, object]:
+def seconds_of(args: argparse.Namespace, clock: "Stopwatch") -> dict[str, object]:
     """Return the seconds since the command began, and those of its stages."""
-    return {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.seconds}
+    return {"seconds": round(time.perf_counter() - args.began, 3), "seconds_by_part": clock.seconds}
 
 
-def _write_files(chosen: argparse.Namespace, fitted: Fitted) -> None:
+def _write_files(args: argparse.Namespace, fitted: Fitted) -> None:
     """Write the scene (``--out``) and the page (``--explain``)."""
-    if chosen.out:
-        save_or_elsewhere(fitted_scene(chosen, fitted.last).save, chosen.out)
-    if chosen.explain:
+    if args.out:
+        save_or_elsewhere(fitted_scene(args, fitted.last).save, args.out)
+    if args.explain:
         detections = draw_detections(fitted.image, fitted.cuts[0])
-        write_page(fitted.model, fitted.photos[0], fitted.last, detections, chosen.explain)
+        write_page(fitted.model, fitted.photos[0], fitted.last, detections, args.explain)
 
 
-def _split_sides(chosen: argparse.Namespace) -> None:
+def _split_sides(args: argparse.Namespace) -> None:
     """Split names such as ``back:chair.jpg`` into sides and paths, unless files have them; open folders."""
-    pairs = [_side_and_path(photo) for path in chosen.images for photo in photos_at(path)]
-    chosen.sides, chosen.images = (list(values) for values in zip(*pairs, strict=True))
+    pairs = [_side_and_path(photo) for path in args.images for photo in photos_at(path)]
+    args.sides, args.images = (list(values) for values in zip(*pairs, strict=True))
 
 
 def photos_at(path: Path) -> list[Path]:
@@ -172,61 +172,61 @@ def _side_and_path(path: Path) -> tuple[Side | None, Path]:
     return None, path
 
 
-def check_counts(chosen: argparse.Namespace) -> None:
+def check_counts(args: argparse.Namespace) -> None:
     """Raise ``ValueError`` for options that contradict each other or the number of images."""
-    count = len(chosen.images)
+    count = len(args.images)
     plurals = {"pose": "poses", "box": "boxes", "point": "points", "mask": "masks", "object": "object numbers"}
     for name, plural in plurals.items():
-        values = getattr(chosen, name)
+        values = getattr(args, name)
         if values and len(values) != count and not (name == "pose" and _is_transforms(values)):
             raise ValueError(f"{count} images need as many {plural}, got {len(values)}")
-        if values and (several := next((path for path in chosen.images if is_clip(path) or path.is_dir()), None)):
+        if values and (several := next((path for path in args.images if is_clip(path) or path.is_dir()), None)):
             raise ValueError(f"{several}: --{name} is of photos, not of a video or a folder")
-    if chosen.estimate_focal and chosen.pose:
+    if args.estimate_focal and args.pose:
         raise ValueError("--estimate-focal searches the focal length of unknown cameras, but --pose gives them")
 
 
-def _check_files(chosen: argparse.Namespace) -> None:
+def _check_files(args: argparse.Namespace) -> None:
     """Raise ``ValueError`` for files that cannot be written, and options of ``--each`` without it."""
-    if len(chosen.images) > MOST_PHOTOS:
+    if len(args.images) > MOST_PHOTOS:
         raise ValueError(f"one object has at most {MOST_PHOTOS} images: add --each for an object each")
-    if chosen.cluster:
+    if args.cluster:
         raise ValueError("--cluster fits many photos, one object each: add --each")
-    if chosen.resume and chosen.explain:
+    if args.resume and args.explain:
         raise ValueError("--explain describes a search, which --resume leaves out")
-    if chosen.out and chosen.out.suffix.lower() != ".json":
-        raise ValueError(f"{chosen.out.name}: a fitted scene must end in .json")
-    _check_apart(chosen)
-    if chosen.explain:
-        if chosen.explain.exists() and not chosen.explain.is_dir():
-            raise ValueError(f"cannot write {chosen.explain}: it is not a folder")
-        chosen.explain.mkdir(parents=True, exist_ok=True)
-    for path in filter(None, (chosen.out, chosen.log, chosen.explain and chosen.explain / "index.html")):
+    if args.out and args.out.suffix.lower() != ".json":
+        raise ValueError(f"{args.out.name}: a fitted scene must end in .json")
+    _check_apart(args)
+    if args.explain:
+        if args.explain.exists() and not args.explain.is_dir():
+            raise ValueError(f"cannot write {args.explain}: it is not a folder")
+        args.explain.mkdir(parents=True, exist_ok=True)
+    for path in filter(None, (args.out, args.log, args.explain and args.explain / "index.html")):
         require_writable(path)
 
 
-def _check_apart(chosen: argparse.Namespace) -> None:
+def _check_apart(args: argparse.Namespace) -> None:
     """Raise ``ValueError`` if a file to write is also another one of the command, which would be lost."""
-    taken = {path.resolve(): path for path in (*chosen.images, *(chosen.mask or ()), *(chosen.pose or ()))}
-    for path in filter(None, (chosen.out, chosen.log)):
+    taken = {path.resolve(): path for path in (*args.images, *(args.mask or ()), *(args.pose or ()))}
+    for path in filter(None, (args.out, args.log)):
         if path.resolve() in taken:
             raise ValueError(f"cannot write {path}: this command needs it for something else; choose another name")
         taken[path.resolve()] = path
 
 
-def _compare_categories(chosen: argparse.Namespace, inputs: Sequence[_Input]) -> None:
+def _compare_categories(args: argparse.Namespace, inputs: Sequence[_Input]) -> None:
     """Raise ``ValueError`` if an image shows another category than the first; with ``--model`` print a warning."""
     for source in inputs[1:]:
         difference = describe_difference(inputs[0].cut.categories, source.cut.categories)
-        if difference and not chosen.model:
+        if difference and not args.model:
             message = f"{source.name}: {difference}. Fit each object by itself, or choose one model with --model"
             raise ValueError(message)
         _say(source.name, difference)
 
 
-def _say_category(chosen: argparse.Namespace, model: Model, guess: Mapping[str, float]) -> None:
+def _say_category(args: argparse.Namespace, model: Model, guess: Mapping[str, float]) -> None:
     """Print a warning unless an image clearly shows the model's category."""
-    if warning := describe_category(guess, model.category) or ("" if chosen.model else describe_ambiguity(guess)):
+    if warning := describe_category(guess, model.category) or ("" if args.model else describe_ambiguity(guess)):
         say(warning)
 
 
@@ -282,10 +282,10 @@ def _say(path: Path | str, text: str) -> None:
         say(f"{path}: {text}")
 
 
-def _poses(chosen: argparse.Namespace) -> list[PosedImage]:
+def _poses(args: argparse.Namespace) -> list[PosedImage]:
     """Return the images' known cameras; none without ``--pose``."""
-    files = chosen.pose * len(chosen.images) if _is_transforms(chosen.pose) else chosen.pose
-    return list(map(find_pose, files, chosen.images, repeat(chosen.pose_axes), repeat(chosen.pose_scale)))
+    files = args.pose * len(args.images) if _is_transforms(args.pose) else args.pose
+    return list(map(find_pose, files, args.images, repeat(args.pose_axes), repeat(args.pose_scale)))
 
 
 def _is_transforms(poses: Sequence[Path]) -> bool:

@@ -37,56 +37,56 @@ _DIED = "its process died, probably for want of memory: fewer --threads help"
 _PARENT_POLL = 0.5  # seconds between a process's looks for the command that started it
 
 
-def fit_each(chosen: argparse.Namespace) -> None:
+def fit_each(args: argparse.Namespace) -> None:
     """Run ``fit --each``: fit the photos that have no result in the folder yet, then write the contact sheet."""
-    _check(chosen)
-    fits = {_key(single): single for single in _single_fits(chosen)}  # a photo that is named twice is fitted once
+    _check(args)
+    fits = {_key(single): single for single in _single_fits(args)}  # a photo that is named twice is fitted once
     photos = {str(single.source) for single in fits.values()}
-    earlier = _read_rows(chosen.out)
-    kept = {key: row for key, row in earlier.items() if _is_done(chosen.out, row) or row["photo"] not in photos}
-    _write_rows(chosen.out, kept.values())
+    earlier = _read_rows(args.out)
+    kept = {key: row for key, row in earlier.items() if _is_done(args.out, row) or row["photo"] not in photos}
+    _write_rows(args.out, kept.values())
     missing = {key: single for key, single in fits.items() if key not in kept}
-    rows = kept | _fit_missing(chosen, missing, len(fits))
+    rows = kept | _fit_missing(args, missing, len(fits))
     failed = sum("error" in rows[key] for key in fits)
-    sheet = chosen.out / _SHEET
-    write_contact_sheet(sheet, [(chosen.out / f"{key}.png", _caption(rows[key])) for key in fits])
-    reasons = f", {failed} failed ({chosen.out / _ROWS} says why)" if failed else ""
+    sheet = args.out / _SHEET
+    write_contact_sheet(sheet, [(args.out / f"{key}.png", _caption(rows[key])) for key in fits])
+    reasons = f", {failed} failed ({args.out / _ROWS} says why)" if failed else ""
     say(f"{len(fits) - failed} of {len(fits)} photos are fitted{reasons}: {sheet}")
 
 
-def _check(chosen: argparse.Namespace) -> None:
+def _check(args: argparse.Namespace) -> None:
     """Raise ``ValueError`` for options that contradict each other; create the folder."""
-    check_counts(chosen)
-    if not chosen.out:
+    check_counts(args)
+    if not args.out:
         raise ValueError("--each needs a folder for its results: --out FOLDER")
-    if chosen.log or chosen.explain or chosen.resume:
+    if args.log or args.explain or args.resume:
         raise ValueError("--log, --explain and --resume are of a single fit: leave them or --each out")
-    if chosen.cluster and not find_spec("distributed"):
+    if args.cluster and not find_spec("distributed"):
         raise ValueError("--cluster needs Dask: pip install 'codenerf-viewer[cluster]'")
-    if chosen.out.exists() and not chosen.out.is_dir():
-        raise ValueError(f"cannot write {chosen.out}: it is not a folder")
-    chosen.out.mkdir(parents=True, exist_ok=True)
+    if args.out.exists() and not args.out.is_dir():
+        raise ValueError(f"cannot write {args.out}: it is not a folder")
+    args.out.mkdir(parents=True, exist_ok=True)
     for name in (_ROWS, _SHEET):
-        require_writable(chosen.out / name)
+        require_writable(args.out / name)
 
 
-def _single_fits(chosen: argparse.Namespace) -> Iterator[argparse.Namespace]:
+def _single_fits(args: argparse.Namespace) -> Iterator[argparse.Namespace]:
     """Yield the options of each fit, with absolute paths, as a cluster's workers run in other folders.
 
     ``source`` is the photo, or the folder of photos of one object.
     """
-    for number, source in enumerate(chosen.images):
+    for number, source in enumerate(args.images):
         options = {}
         for name in _PER_IMAGE:
-            values = getattr(chosen, name)
+            values = getattr(args, name)
             values = (
-                values if len(values) < len(chosen.images) else [values[number]]
+                values if len(values) < len(args.images) else [values[number]]
             )  # a transforms.json is for all images
             options[name] = [value.absolute() if isinstance(value, Path) else value for value in values]
         options["source"] = source.absolute()
         options["images"] = photos_at(source.absolute())
-        model = str(Path(chosen.model).absolute()) if chosen.model and Path(chosen.model).is_file() else chosen.model
-        yield argparse.Namespace(**{**vars(chosen), **options, "model": model, "out": chosen.out.absolute()})
+        model = str(Path(args.model).absolute()) if args.model and Path(args.model).is_file() else args.model
+        yield argparse.Namespace(**{**vars(args), **options, "model": model, "out": args.out.absolute()})
 
 
 def _key(single: argparse.Namespace) -> str:
@@ -142,11 +142,11 @@ def _caption(row: Row) -> str:
     return f"{name}  {row['psnr']:.1f} dB{sure}"
 
 
-def _fit_missing(chosen: argparse.Namespace, missing: Mapping[str, argparse.Namespace], total: int) -> dict[str, Row]:
+def _fit_missing(args: argparse.Namespace, missing: Mapping[str, argparse.Namespace], total: int) -> dict[str, Row]:
     """Fit under a progress bar; append each row to the file as it comes, and return all."""
     rows = dict[str, Row]()
     bar = tqdm(total=total, initial=total - len(missing), unit="photo", smoothing=0, disable=None)
-    with bar, (chosen.out / _ROWS).open("a", encoding="utf-8") as file, _workers(chosen) as run:
+    with bar, (args.out / _ROWS).open("a", encoding="utf-8") as file, _workers(args) as run:
         for row in _surviving(run, missing):
             rows[row["key"]] = row
             file.write(json.dumps(row) + "\n")
@@ -184,23 +184,23 @@ def _surviving(run: _Run, missing: Mapping[str, argparse.Namespace]) -> Iterator
 
 
 @contextmanager
-def _workers(chosen: argparse.Namespace) -> Iterator[_Run]:
+def _workers(args: argparse.Namespace) -> Iterator[_Run]:
     """Yield a function that runs fits on all workers and yields rows in the order in which they are done."""
     with ExitStack() as stack:
-        stack.enter_context(_backend(chosen, stack))
+        stack.enter_context(_backend(args, stack))
         parallel = Parallel(return_as="generator_unordered", pre_dispatch="n_jobs", batch_size=1)
         settings = {name: value for name, value in os.environ.items() if name.startswith("CODENERF_")}
         command = os.getpid()
         yield lambda fits: parallel(delayed(_row)(key, single, settings, command) for key, single in fits)
 
 
-def _backend(chosen: argparse.Namespace, stack: ExitStack) -> AbstractContextManager:
+def _backend(args: argparse.Namespace, stack: ExitStack) -> AbstractContextManager:
     """Return joblib's configuration: processes of this machine, or the workers of a Dask cluster."""
-    if not chosen.cluster:
+    if not args.cluster:
         return parallel_config("loky", n_jobs=thread_count(), inner_max_num_threads=1)
     from distributed import Client  # an optional extra
 
-    client = stack.enter_context(Client(chosen.cluster, set_as_default=False))
+    client = stack.enter_context(Client(args.cluster, set_as_default=False))
     return parallel_config("dask", client=client)
 
 

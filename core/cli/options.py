@@ -1,8 +1,13 @@
 """Options shared by several commands."""
 
 import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
-from core.cli.argument_types import model_name, number_from, whole_from
+from core.cli.argument_types import image_size, model_name, number_from, whole_from
+
+Group = argparse._ActionsContainer  # a parser, or a group of its options
 
 
 class _Formatter(argparse.ArgumentDefaultsHelpFormatter):
@@ -20,15 +25,25 @@ def add_command(commands: argparse._SubParsersAction, name: str, run: str, descr
     )
     command.set_defaults(run=run)
     threads = "threads that compute (default: $CODENERF_THREADS, else one for each core)"
-    command.add_argument("--threads", type=whole_from(1, 1024), metavar="N", help=threads)
+    option(command, "--threads", whole_from(1, 1024), "N", threads)
     return command
+
+
+def option(group: Group, name: str, kind: Callable[[str], Any], value: str, text: str, **more: Any) -> None:
+    """Add an option or argument.
+
+    Args:
+        kind: parses its value.
+        value: stands for its value in the help.
+        text: describes it in the help.
+        more: further arguments of :meth:`argparse.ArgumentParser.add_argument`.
+    """
+    group.add_argument(name, type=kind, metavar=value, help=text, **more)
 
 
 def add_model(command: argparse.ArgumentParser) -> None:
     """Add ``--model`` and ``--device``."""
-    command.add_argument(
-        "--model", type=model_name, default="chairs", metavar="M", help="a shipped name or the path of a model file"
-    )
+    option(command, "--model", model_name, "M", "a shipped name or the path of a model file", default="chairs")
     add_device(command)
 
 
@@ -40,7 +55,7 @@ def add_device(command: argparse.ArgumentParser) -> None:
 def add_pose_scale(command: argparse.ArgumentParser) -> None:
     """Add ``--pose-scale``."""
     scale = "scene units of a unit of the pose files; an object's diagonal is 1 scene unit"
-    command.add_argument("--pose-scale", type=number_from(1e-6, 1e6), default=1.0, metavar="X", help=scale)
+    option(command, "--pose-scale", number_from(1e-6, 1e6), "X", scale, default=1.0)
 
 
 def add_seed(command: argparse.ArgumentParser) -> None:
@@ -51,3 +66,18 @@ def add_seed(command: argparse.ArgumentParser) -> None:
 def add_no_photo_detail(command: argparse.ArgumentParser, description: str) -> None:
     """Add ``--no-photo-detail``."""
     command.add_argument("--no-photo-detail", action="store_true", help=description)
+
+
+def add_out(command: argparse.ArgumentParser, names: str, description: str = "") -> None:
+    """Add the required ``--out``; ``names`` shows the endings that it may have."""
+    option(command, "--out", Path, names, description, required=True)
+
+
+def add_datasets(command: argparse.ArgumentParser, description: str = "folders in the layout of SRN or NeRF") -> None:
+    """Add the folders of datasets."""
+    option(command, "datasets", Path, "DATASET", description, nargs="+")
+
+
+def add_size(command: argparse.ArgumentParser, side: int) -> None:
+    """Add ``--size`` of images that have ``side`` px by default."""
+    option(command, "--size", image_size, "PX|WxH", f"(default: {side})", default=(side, side))

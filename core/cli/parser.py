@@ -11,7 +11,6 @@ from core.cli.argument_types import (
     count,
     degrees_up_to,
     edits,
-    image_size,
     input_file,
     model_name,
     number_from,
@@ -24,7 +23,18 @@ from core.cli.argument_types import (
     whole_from,
 )
 from core.cli.bench_parser import add_bench
-from core.cli.options import add_command, add_device, add_model, add_no_photo_detail, add_pose_scale, add_seed
+from core.cli.options import (
+    add_command,
+    add_datasets,
+    add_device,
+    add_model,
+    add_no_photo_detail,
+    add_out,
+    add_pose_scale,
+    add_seed,
+    add_size,
+    option,
+)
 from core.fitting.settings import PRESETS
 from core.lab.datasets.categories import SPLITS
 from core.lab.training.recipes import RECIPES
@@ -35,6 +45,7 @@ class _Parser(argparse.ArgumentParser):
     """Reports errors in one line."""
 
     def error(self, message: str) -> NoReturn:
+        """Print the message and exit with status 2."""
         print(f"{self.prog}: {message}", file=sys.stderr)
         sys.exit(2)
 
@@ -69,55 +80,27 @@ def build_parser() -> argparse.ArgumentParser:
 def _add_object_options(command: argparse.ArgumentParser) -> None:
     add_model(command)
     what = command.add_mutually_exclusive_group()
-    what.add_argument("--object", type=int, metavar="I", help="an object of the model, from 0; else the mean object")
-    what.add_argument(
-        "--scene", type=input_file, metavar="S.json", help="a saved scene, or an image (png) that embeds one"
-    )
+    option(what, "--object", int, "I", "an object of the model, from 0; else the mean object")
+    scene = "a saved scene, or an image (png) that embeds one"
+    option(what, "--scene", input_file, "S.json", scene)
     add_no_photo_detail(command, "show the colours of the codes alone, without the photo detail of a fitted scene")
-    command.add_argument(
-        "--edit",
-        type=edits,
-        default=(),
-        metavar="NAME=X,…",
-        help="move along named directions by standard deviations: rounder=1.5,darker=-1",
-    )
-    command.add_argument(
-        "--paint",
-        type=paints,
-        default=(),
-        metavar="[PART=]#rrggbb,…",
-        help="colour a part, such as the fabric or wood of a chair (default: the largest); photo detail stays",
-    )
-    command.add_argument(
-        "--size-cm",
-        type=size_cm,
-        metavar="WxDxH",
-        help="stretch the object to this width, depth and height in centimetres: 60x58x92 (default: as it is)",
-    )
+    edit = "move along named directions by standard deviations: rounder=1.5,darker=-1"
+    option(command, "--edit", edits, "NAME=X,…", edit, default=())
+    paint = "colour a part, such as the fabric or wood of a chair (default: the largest); photo detail stays"
+    option(command, "--paint", paints, "[PART=]#rrggbb,…", paint, default=())
+    size = "stretch the object to this width, depth and height in centimetres: 60x58x92 (default: as it is)"
+    option(command, "--size-cm", size_cm, "WxDxH", size)
     for name, extent in (("legs", "of a chair, up to its seat"), ("roof", "of a car, from its windows up")):
-        command.add_argument(
-            f"--{name}-cm",
-            dest="portion_cm",
-            type=portion_cm(name),
-            metavar="CM",
-            help=f"the {name} {extent}; the rest keeps its height, or with --size-cm the whole does",
-        )
+        portion = f"the {name} {extent}; the rest keeps its height, or with --size-cm the whole does"
+        option(command, f"--{name}-cm", portion_cm(name), "CM", portion, dest="portion_cm")
 
 
 def _add_scene_options(command: argparse.ArgumentParser) -> None:
     _add_object_options(command)
-    command.add_argument(
-        "--azimuth", type=degrees_up_to(3600), metavar="D", help="degrees; 90: the front (default: 60 or scene's)"
-    )
-    command.add_argument(
-        "--elevation", type=degrees_up_to(90), metavar="D", help="degrees, -90 to 90 (default: 20 or scene's)"
-    )
-    command.add_argument(
-        "--distance",
-        type=number_from(0.05, 100, " scene units"),
-        metavar="X",
-        help="scene units; an object's diagonal is 1 (default: fill the frame, but the scene's for an image)",
-    )
+    option(command, "--azimuth", degrees_up_to(3600), "D", "degrees; 90: the front (default: 60 or scene's)")
+    option(command, "--elevation", degrees_up_to(90), "D", "degrees, -90 to 90 (default: 20 or scene's)")
+    distance = "scene units; an object's diagonal is 1 (default: fill the frame, but the scene's for an image)"
+    option(command, "--distance", number_from(0.05, 100, " scene units"), "X", distance)
 
 
 def _add_dimensions(command: argparse.ArgumentParser, place: str) -> None:
@@ -126,16 +109,16 @@ def _add_dimensions(command: argparse.ArgumentParser, place: str) -> None:
 
 
 def _add_variants(command: argparse.ArgumentParser, text: str) -> None:
-    command.add_argument("--variants", type=input_file, nargs="+", default=[], metavar="S.json", help=text)
+    option(command, "--variants", input_file, "S.json", text, nargs="+", default=[])
 
 
 def _add_render(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "render", "render.render", "render one image")
     _add_scene_options(command)
-    command.add_argument("--size", type=image_size, default=(128, 128), metavar="PX|WxH", help="(default: 128)")
+    add_size(command, 128)
     command.add_argument("--exact", action="store_true", help="the slow reference renderer, 256 samples a ray")
     _add_dimensions(command, "with room for them around the object")
-    command.add_argument("--out", type=Path, required=True, metavar="X.png")
+    add_out(command, "X.png")
 
 
 def _add_turntable(commands: argparse._SubParsersAction) -> None:
@@ -144,53 +127,32 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
     films = command.add_mutually_exclusive_group()
     films.add_argument("--swing", action="store_true", help="70 degrees to both sides instead of all round")
     partner = "morph into the object of a scene, or this one of the model, and back (takes a minute)"
-    films.add_argument("--to", type=object_or_scene, metavar="S.json|J", help=partner)
+    option(films, "--to", object_or_scene, "S.json|J", partner)
     frames = "number of frames (default: 72, of a swing 96)"
-    command.add_argument("--frames", type=whole_from(1, 100_000), metavar="N", help=frames)
-    command.add_argument("--fps", type=whole_from(1, 100), default=24, metavar="N", help="frames per second")
-    command.add_argument("--size", type=image_size, default=(512, 512), metavar="PX|WxH", help="(default: 512)")
-    command.add_argument("--quality", type=whole_from(1, 100), default=85, metavar="N", help="1 to 100 (gif: colours)")
+    option(command, "--frames", whole_from(1, 100_000), "N", frames)
+    option(command, "--fps", whole_from(1, 100), "N", "frames per second", default=24)
+    add_size(command, 512)
+    option(command, "--quality", whole_from(1, 100), "N", "1 to 100 (gif: colours)", default=85)
     command.add_argument("--transparent", action="store_true", help="transparent background (not in mp4)")
     command.add_argument("--shadow", action="store_true", help="the object's shadow on the ground (no transparent gif)")
-    command.add_argument(
-        "--exact",
-        action="store_true",
-        help="render every frame with the network, which takes minutes; other frames match these to 45 dB or better",
-    )
+    exact = "render every frame with the network, which takes minutes; other frames match these to 45 dB or better"
+    command.add_argument("--exact", action="store_true", help=exact)
     _add_dimensions(command, "on the last frame, which then stays for two seconds")
-    command.add_argument(
-        "--out",
-        type=Path,
-        required=True,
-        metavar="X.mp4|.gif|.webp|.frames",
-        help="a video; .frames: a folder of png images",
-    )
+    add_out(command, "X.mp4|.gif|.webp|.frames", "a video; .frames: a folder of png images")
 
 
 def _add_mesh(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "mesh", "render.mesh", "write an object as a coloured mesh, its parts named")
     _add_object_options(command)
-    command.add_argument(
-        "--resolution",
-        type=count,
-        metavar="N",
-        help="cells along the longest side (default: as many as the object's detail needs)",
-    )
-    command.add_argument(
-        "--texture",
-        type=count,
-        metavar="PX",
-        help="glb, usdz: width of a colour image, approximately (default: colours at the vertices; of a usdz 1024)",
-    )
-    command.add_argument("--triangles", type=count, metavar="N", help="at most (default: all; 8,000 with a texture)")
-    command.add_argument(
-        "--metres",
-        type=number_from(1e-4, 1e6),
-        metavar="M",
-        help="longest side, on the ground (default: --size-cm, else usual for the model)",
-    )
+    resolution = "cells along the longest side (default: as many as the object's detail needs)"
+    option(command, "--resolution", count, "N", resolution)
+    texture = "glb, usdz: width of a colour image, approximately (default: colours at the vertices; of a usdz 1024)"
+    option(command, "--texture", count, "PX", texture)
+    option(command, "--triangles", count, "N", "at most (default: all; 8,000 with a texture)")
+    metres = "longest side, on the ground (default: --size-cm, else usual for the model)"
+    option(command, "--metres", number_from(1e-4, 1e6), "M", metres)
     _add_variants(command, "glb: scenes of the same shape; their colours are variants by the names of their files")
-    command.add_argument("--out", type=Path, required=True, metavar="X.glb|.usdz|.ply|.obj|.stl|.3mf")
+    add_out(command, "X.glb|.usdz|.ply|.obj|.stl|.3mf")
 
 
 def _add_page(commands: argparse._SubParsersAction) -> None:
@@ -201,38 +163,38 @@ def _add_page(commands: argparse._SubParsersAction) -> None:
     _add_dimensions(command, "with a switch")
     ar = "for phones: holds a usdz for iPhones; writes X.room.glb beside it for Android, where both are on a web server"
     command.add_argument("--ar", action="store_true", help=ar)
-    command.add_argument("--out", type=Path, required=True, metavar="X.html")
+    add_out(command, "X.html")
 
 
 def _add_fit(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "fit", "fit.fit", "estimate camera and codes of an object in images; prints JSON")
-    command.add_argument(
+    option(
+        command,
         "images",
-        type=input_file,
-        nargs="+",
-        metavar="[SIDE:]IMAGE",
-        help="up to 12 images of one object, a folder of them, or a video; back:chair.jpg (front, left, back, right, "
+        input_file,
+        "[SIDE:]IMAGE",
+        "up to 12 images of one object, a folder of them, or a video; back:chair.jpg (front, left, back, right, "
         "above) names the side that an image shows; see --each",
+        nargs="+",
     )
     command.set_defaults(sides=())
     _add_each(command)
     resume = "fitted scene, whose object finds the cameras of these further images of it: a quarter of a search's time"
-    command.add_argument("--resume", type=input_file, metavar="S.json", help=resume)
+    option(command, "--resume", input_file, "S.json", resume)
     models = "shipped name or path (default: by the first image's category)"
-    command.add_argument("--model", type=model_name, metavar="M", help=models)
+    option(command, "--model", model_name, "M", models)
     add_device(command)
     frames = "frames of a video: the sharpest at even steps of time (default: 8)"
-    command.add_argument("--frames", type=whole_from(1, 12), metavar="N", help=frames)
+    option(command, "--frames", whole_from(1, 12), "N", frames)
     _add_poses(command)
     _add_hints(command)
     _add_preset(command)
     command.add_argument("--estimate-focal", action="store_true", help="find the focal length too (default: model's)")
     add_no_photo_detail(command, "do not save the photo, whose details such as lettering are added to images")
-    command.add_argument("--out", type=Path, metavar="S.json", help="write the fitted scene (--each: a folder)")
-    command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="write every step to this file, one line each")
-    command.add_argument(
-        "--explain", type=Path, metavar="DIR", help="write a page of detections, cut-out, witnesses and results"
-    )
+    option(command, "--out", Path, "S.json", "write the fitted scene (--each: a folder)")
+    option(command, "--log", Path, "STEPS.jsonl", "write every step to this file, one line each")
+    page = "write a page of detections, cut-out, witnesses and results"
+    option(command, "--explain", Path, "DIR", page)
     add_seed(command)
 
 
@@ -252,47 +214,28 @@ def _add_each(command: argparse.ArgumentParser) -> None:
 
 
 def _add_poses(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--pose",
-        type=input_file,
-        nargs="+",
-        default=[],
-        metavar="POSE",
-        help="known cameras: an SRN file for each image, or one transforms.json with the images' names",
-    )
-    command.add_argument(
-        "--pose-axes",
-        choices=("opencv", "opengl"),
-        default="opencv",
-        help="camera axes of SRN files; opengl: Blender's",
-    )
+    pose = "known cameras: an SRN file for each image, or one transforms.json with the images' names"
+    option(command, "--pose", input_file, "POSE", pose, nargs="+", default=[])
+    axes = "camera axes of SRN files; opengl: Blender's"
+    command.add_argument("--pose-axes", choices=("opencv", "opengl"), default="opencv", help=axes)
     add_pose_scale(command)
 
 
 def _add_hints(command: argparse.ArgumentParser) -> None:
     hints = command.add_mutually_exclusive_group()
-    hints.add_argument("--point", type=point, nargs="+", default=[], metavar="X,Y", help="px on each image's object")
-    hints.add_argument(
-        "--mask", type=input_file, nargs="+", default=[], metavar="MASK", help="one per image, white on it"
+    kinds = (
+        ("--point", point, "X,Y", "px on each image's object"),
+        ("--mask", input_file, "MASK", "one per image, white on it"),
+        ("--box", box, "X0,Y0,X1,Y1", "px around the object, one box per image: for several objects or clutter"),
+        ("--object", count, "N", "the N-th detection per image"),
     )
-    hints.add_argument(
-        "--box",
-        type=box,
-        nargs="+",
-        default=[],
-        metavar="X0,Y0,X1,Y1",
-        help="px around the object, one box per image: for several objects or clutter",
-    )
-    hints.add_argument("--object", type=count, nargs="+", default=[], metavar="N", help="the N-th detection per image")
+    for name, kind, text, description in kinds:
+        option(hints, name, kind, text, description, nargs="+", default=[])
 
 
 def _add_preset(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--preset",
-        choices=tuple(PRESETS),
-        default="normal",
-        help="how much work; paper: the authors' method, from one initialisation",
-    )
+    preset = "how much work; paper: the authors' method, from one initialisation"
+    command.add_argument("--preset", choices=tuple(PRESETS), default="normal", help=preset)
 
 
 def _add_dataset(commands: argparse._SubParsersAction) -> None:
@@ -301,19 +244,17 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     )
     meshes = add_command(kinds, "meshes", "train.dataset_meshes", "render a folder of GLB files with its index.json")
     meshes.add_argument("folder", type=Path, metavar="DIR")
-    meshes.add_argument(
-        "--variants", type=whole_from(0, 10_000), default=0, metavar="N", help="deformed, recoloured variants of each"
-    )
+    option(meshes, "--variants", whole_from(0, 10_000), "N", "deformed, recoloured variants of each", default=0)
     meshes.add_argument("--split", choices=SPLITS, default="train", help="split that the objects belong to")
     meshes.add_argument("--views", type=whole_from(1, 10_000), help="per object (default: 50 to train on, else 251)")
-    meshes.add_argument("--out", type=Path, required=True, metavar="DIR")
-    meshes.add_argument("--size", type=whole_from(8, 4096), default=128, metavar="PX", help="width and height")
+    add_out(meshes, "DIR")
+    option(meshes, "--size", whole_from(8, 4096), "PX", "width and height", default=128)
     meshes.add_argument("--category", required=True, metavar="NAME", help="in the plural: chairs, cars, boats")
     pack = add_command(kinds, "pack", "train.dataset_pack", "write datasets into one small file, read like a folder")
     pack.add_argument("folders", type=Path, nargs="+", metavar="DATASET")
-    pack.add_argument("--out", type=Path, required=True, metavar="X.views")
-    pack.add_argument("--size", type=whole_from(8, 4096), metavar="PX", help="reduce larger images to this")
-    pack.add_argument("--quality", type=whole_from(1, 100), default=60, metavar="N", help="of the colours; 100: exact")
+    add_out(pack, "X.views")
+    option(pack, "--size", whole_from(8, 4096), "PX", "reduce larger images to this")
+    option(pack, "--quality", whole_from(1, 100), "N", "of the colours; 100: exact", default=60)
 
 
 _DEFAULT_FIELD = RECIPES["default"].field
@@ -327,13 +268,11 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
         "train a category model; --resume continues a run; on N cards or processors, with the objects shared out: "
         "torchrun --nproc-per-node N -m core train ...",
     )
-    command.add_argument(
-        "datasets", type=Path, nargs="+", metavar="DATASET", help="folders in the layout of SRN or NeRF"
-    )
+    add_datasets(command)
     command.add_argument(
         "--shares", type=number_from(1e-6, 1e6), nargs="+", default=(), help="fraction of the rays for each dataset"
     )
-    command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
+    add_out(command, "M.safetensors")
     command.add_argument("--resume", action="store_true", help="continue from M.state, written beside M")
     command.add_argument(
         "--init",
@@ -356,13 +295,13 @@ def _add_field_size(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--width", type=whole_from(1, 8192), help=f"of the network ({_DEFAULT_FIELD.width}, or the recipe's)"
     )
+    usual = f"{_DEFAULT_FIELD.shape_latent} {_DEFAULT_FIELD.texture_latent} by default"
     command.add_argument(
         "--latent",
         type=whole_from(1, 8192),
         nargs=2,
         metavar=("SHAPE", "TEXTURE"),
-        help="dimensions of a code (default: the recipe's; "
-        f"{_DEFAULT_FIELD.shape_latent} {_DEFAULT_FIELD.texture_latent} by default)",
+        help=f"dimensions of a code (default: the recipe's; {usual})",
     )
 
 
@@ -373,11 +312,9 @@ def _add_train_viewpoint(commands: argparse._SubParsersAction) -> None:
         "train.train_viewpoint_classifier",
         "train a model's viewpoint classifier, as train does last",
     )
-    command.add_argument(
-        "datasets", type=Path, nargs="+", metavar="DATASET", help="folders in the layout of SRN or NeRF"
-    )
+    add_datasets(command)
     add_model(command)
-    command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
+    add_out(command, "M.safetensors")
     command.add_argument("--steps", type=count, default=8000, help="of training")
     add_pose_scale(command)
     add_seed(command)
@@ -388,29 +325,29 @@ def _add_train_parts(commands: argparse._SubParsersAction) -> None:
         commands, "train-parts", "train.train_part_head", "train a model's part head, which labels the parts of meshes"
     )
     add_model(command)
-    command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
+    add_out(command, "M.safetensors")
     command.add_argument(
         "--labels", required=True, metavar="MODEL", help="a model with a part head, trained on some of the same objects"
     )
-    command.add_argument("--objects", type=count, default=200, metavar="N", help="common objects to use")
+    option(command, "--objects", count, "N", "common objects to use", default=200)
 
 
 def _add_convert(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "convert", "train.convert", "turn a checkpoint of the authors into a model file")
     command.add_argument("checkpoint", type=Path, metavar="models.pth")
-    command.add_argument("--config", type=Path, metavar="hpam.json", help="default: beside the checkpoint")
-    command.add_argument("--out", type=Path, required=True, metavar="X.safetensors")
+    option(command, "--config", Path, "hpam.json", "default: beside the checkpoint")
+    add_out(command, "X.safetensors")
 
 
 def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "evaluate", "evaluate.evaluate", "the paper's protocol: fit a view, score others")
-    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="folders of objects to test on")
+    add_datasets(command, "folders of objects to test on")
     add_model(command)
-    command.add_argument("--input-views", type=view_numbers, default="64", metavar="V,V", help="the fitted views")
+    option(command, "--input-views", view_numbers, "V,V", "the fitted views", default="64")
     command.add_argument("--pose", choices=("known", "estimate"), default="known", help="cameras of the input views")
     _add_preset(command)
-    command.add_argument("--objects", type=count, metavar="N", help="at most so many, evenly spaced over the dataset")
-    command.add_argument("--view-stride", type=count, default=1, metavar="N", help="render every Nth other view only")
-    command.add_argument("--report", type=Path, metavar="R.json", help="write the scores")
+    option(command, "--objects", count, "N", "at most so many, evenly spaced over the dataset")
+    option(command, "--view-stride", count, "N", "render every Nth other view only", default=1)
+    option(command, "--report", Path, "R.json", "write the scores")
     add_pose_scale(command)
     add_seed(command)

@@ -97,6 +97,7 @@ class _Grid:
 
     @classmethod
     def for_model(cls, model: Model, resolution: int) -> "_Grid":
+        """Return a grid of ``resolution`` cells along the longest side of a model's box."""
         half = np.array(model.extent)
         cells = [math.ceil(resolution * side / max(model.extent) - 1e-9) for side in model.extent]
         steps = 2 * half / np.array(cells)

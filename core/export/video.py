@@ -97,6 +97,7 @@ def shown_views(views: Sequence[View], path: Path, rate: int) -> Sequence[View]:
 
 class _Sink:
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        """Write a frame."""
         raise NotImplementedError
 
     def finish(self) -> None:
@@ -121,31 +122,49 @@ class _Encoder:
         self._thread.shutdown(cancel_futures=True)
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        """Pass a frame on; wait if too many are queued."""
         self._waiting.append(self._thread.submit(self._sink.add, image))
         if len(self._waiting) > _WAITING:
             self._waiting.popleft().result()
 
     def finish(self) -> None:
+        """Wait for all frames, and complete the file."""
         while self._waiting:
             self._waiting.popleft().result()
         self._sink.finish()
 
 
-class _Mp4(_Sink):
-    def __init__(self, path: Path, settings: VideoSettings) -> None:
+class _Av(_Sink):
+    """Writes frames by FFmpeg."""
+
+    def __init__(self, path: Path, codec: str, rate: int, encoding: dict[str, str], **container: Any) -> None:
         import av  # imported late: the window only lists the formats
 
         self._av = av
-        # The index precedes the frames, so that a browser shows the first one before it has the last.
-        self._container = av.open(str(path), "w", options={"movflags": "+faststart"})
+        self._container = av.open(str(path), "w", **container)
+        self._stream = self._container.add_stream(codec, rate=rate, options=encoding)
+
+    def finish(self) -> None:
+        """Write the frames that the encoder holds."""
+        self._container.mux(self._stream.encode())
+
+    def close(self) -> None:
+        """Release the file."""
+        self._container.close()
+
+
+class _Mp4(_Av):
+    def __init__(self, path: Path, settings: VideoSettings) -> None:
         # From nearly lossless (12) at 100 to blocks (40) at 1; 85 looks like the original.
-        crf = f"{40 - 0.28 * settings.quality:.0f}"
-        self._stream = self._container.add_stream("libx264", rate=settings.rate, options={"crf": crf})
+        options = {"crf": f"{40 - 0.28 * settings.quality:.0f}"}
+        # The index precedes the frames, so that a browser shows the first one before it has the last.
+        super().__init__(path, "libx264", settings.rate, options, options={"movflags": "+faststart"})
         self._stream.pix_fmt = "yuv420p"
         self._stream.time_base = Fraction(1, settings.rate)
         self._label(self._stream.codec_context)
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        """Convert and encode a frame."""
         if not self._stream.codec_context.is_open:  # H.264 with 4:2:0 colour needs even sizes
             self._stream.height, self._stream.width = (side - side % 2 for side in image.shape[:2])
         even = np.ascontiguousarray(image[: self._stream.height, : self._stream.width])
@@ -160,12 +179,6 @@ class _Mp4(_Sink):
         coded.colorspace = coded.color_primaries = coded.color_trc = _BT709
         coded.color_range = _LIMITED_RANGE
 
-    def finish(self) -> None:
-        self._container.mux(self._stream.encode())
-
-    def close(self) -> None:
-        self._container.close()
-
 
 class _Gif(_Sink):
     """Writes each frame as it comes, with a palette of its own: the part that differs from the frame before it."""
@@ -177,6 +190,7 @@ class _Gif(_Sink):
         self._previous: Image.Image | None = None
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        """Write what has changed since the last frame."""
         if not self._count:
             self._file.write(b"GIF89a" + struct.pack("<HHBBB", image.shape[1], image.shape[0], 0, 0, 0) + _ENDLESS)
         frame = self._reduced(Image.fromarray(image))
@@ -212,40 +226,34 @@ class _Gif(_Sink):
         return round(100 * index / self._settings.rate)
 
     def finish(self) -> None:
+        """Write the end of the file."""
         self._file.write(b";")
 
     def close(self) -> None:
+        """Release the file."""
         self._file.close()
 
 
-class _Webp(_Sink):
+class _Webp(_Av):
     def __init__(self, path: Path, settings: VideoSettings) -> None:
-        import av
-
-        self._av = av
-        self._container = av.open(str(path), "w", format="webp", options={"loop": "0"})
         options = {"quality": str(settings.quality), "compression_level": "0"}  # higher levels take much longer
-        self._stream = self._container.add_stream("libwebp_anim", rate=settings.rate, options=options)
+        container = {"format": "webp", "options": {"loop": "0"}}
+        super().__init__(path, "libwebp_anim", settings.rate, options, **container)
         self._stream.pix_fmt = "bgra"
         self._stream.codec_context.time_base = Fraction(1, 1000)
-        self._settings = settings
+        self._rate = settings.rate
         self._count = 0
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        """Encode a frame."""
         if not self._count:
             self._stream.height, self._stream.width = image.shape[:2]
         frame = self._av.VideoFrame.from_ndarray(image, format="rgb24" if image.shape[2] == 3 else "rgba")
         frame = frame.reformat(format="bgra")
-        frame.pts = round(1000 * self._count / self._settings.rate)
+        frame.pts = round(1000 * self._count / self._rate)
         frame.time_base = Fraction(1, 1000)
         self._container.mux(self._stream.encode(frame))
         self._count += 1
-
-    def finish(self) -> None:
-        self._container.mux(self._stream.encode())
-
-    def close(self) -> None:
-        self._container.close()
 
 
 class _Frames(_Sink):
@@ -254,6 +262,7 @@ class _Frames(_Sink):
         self._count = 0
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        """Write a file."""
         Image.fromarray(image).save(self._path / f"{self._count:05d}.png")
         self._count += 1
 

@@ -380,7 +380,7 @@ class Fitting:
     def _submit(self, request: FitRequest) -> None:
         """Read the video of a request or, of photos, run the fit."""
         if is_of_clip(request, self._waiting.confirmed):
-            frames = partial(read_frames, self._jobs.backend, request, self._copies.keep_image)
+            frames = partial(read_frames, self._jobs.backend, request, self._copies.keep)
             self._jobs.submit(Job("fit", frames, self._receive_frames, self._read, weight=FIT_WEIGHT))
             return
         settings = self.options.settings(request.refines)

@@ -23,17 +23,13 @@ class PhotoCopies:
     def __init__(self) -> None:
         self._folder: Path | None = None
 
-    def keep(self, source: PhotoSource) -> PhotoSource:
-        """Return a photo with a copy of its file; unchanged if the file or the folder denies that."""
+    def keep(self, source: PhotoSource, image: Image.Image | None = None) -> PhotoSource:
+        """Return a photo with a copy of its file or of an image; unchanged if the file or the folder denies that."""
         with suppress(ValueError, OSError):
-            return source._replace(copy=self.write(read_bytes(source.file, MAX_PHOTO_FILE), source.path.name))
-        return source
-
-    def keep_image(self, source: PhotoSource, image: Image.Image) -> PhotoSource:
-        """Return a photo whose copy is an image, such as a frame; unchanged if the folder denies that."""
-        encoded = BytesIO()
-        image.save(encoded, "PNG", compress_level=1)
-        with suppress(ValueError, OSError):
+            if image is None:
+                return source._replace(copy=self.write(read_bytes(source.file, MAX_PHOTO_FILE), source.path.name))
+            encoded = BytesIO()
+            image.save(encoded, "PNG", compress_level=1)
             return source._replace(copy=self.write(encoded.getvalue(), f"{source.path.stem}.png"))
         return source
 

@@ -26,7 +26,7 @@ T = TypeVar("T")
 FILE = f"work{SUFFIX}"
 SILENCE = 30.0  # s without a sign of life after which a window on another display has crashed
 EARLIER = 10  # replaced sessions that are kept
-SWEPT = 500  # transactions after which contents that nothing needs are deleted
+SWEPT = 2000  # changes of rows after which contents that nothing needs are deleted
 
 
 class Earlier(NamedTuple):
@@ -58,7 +58,7 @@ class Store:
         self._display = display
         self._clock = clock
         self._queued = 0  # writes that are not finished
-        self._writes = 0  # since contents were swept
+        self._swept = 0  # changes of rows until contents were swept
         self._replaced: list[tuple[SessionRows, Project]] = []  # sessions that are not written as earlier ones yet
         self._thread = ThreadPoolExecutor(1, "store")
         self._connection = self._run(lambda: self._open(folder))
@@ -131,23 +131,11 @@ class Store:
 
     def pictures(self) -> dict[str, Pixels]:
         """Return the last images by name."""
-
-        def read() -> dict[str, Pixels]:
-            with suppress(sqlite3.Error):  # damaged pages: images are rendered anew
-                return read_pictures(self._connection)
-            return {}
-
-        return self._run(read)
+        return self._run(lambda: read_pictures(self._connection))
 
     def keep_pictures(self, make: Callable[[], Mapping[str, Pixels]]) -> None:
         """Store images for the next launch; ``make`` is called on the thread."""
-
-        def write() -> None:
-            pictures = make()
-            with transaction(self._connection):
-                write_pictures(self._connection, pictures)
-
-        self._queue(write)
+        self._queue(lambda: write_pictures(self._connection, make()))
 
     # Sessions
 
@@ -156,29 +144,24 @@ class Store:
 
         The others become earlier ones, and so does a session that ended the program twice, which is noted.
         """
-
-        def claim() -> int | None:
-            try:
-                return self._claim()
-            except sqlite3.Error as error:
-                self.notes.append(f"The last session could not be opened ({error})")
-                return None
-
-        return self._run(claim)
+        return self._run(self._claim)
 
     def _claim(self) -> int | None:
         condition = "status = 'closed' OR status = 'open' AND (display = ? OR seen < ?)"
-        values = self._display, self._clock() - SILENCE
-        with transaction(self._connection):
-            query = f"SELECT id, status, crashes FROM sessions WHERE {condition} ORDER BY changed DESC, id DESC"
-            left = self._connection.execute(query, values).fetchall()
-            numbers = [row[:1] for row in left]
-            self._connection.executemany("UPDATE sessions SET status = 'earlier' WHERE id = ?", numbers)
-            number, status, crashes = left[0] if left else (None, "", 0)
-            crashes = crashes + 1 if status == "open" else 0
-            if number is not None and crashes < 2:
-                self._rows.claim(number, crashes)
-        self._list_earlier()
+        query = f"SELECT id, status, crashes FROM sessions WHERE {condition} ORDER BY changed DESC, id DESC"
+        try:
+            with transaction(self._connection):
+                left = self._connection.execute(query, (self._display, self._clock() - SILENCE)).fetchall()
+                numbers = [row[:1] for row in left]
+                self._connection.executemany("UPDATE sessions SET status = 'earlier' WHERE id = ?", numbers)
+                number, status, crashes = left[0] if left else (None, "", 0)
+                crashes = crashes + 1 if status == "open" else 0
+                if number is not None and crashes < 2:
+                    self._rows.claim(number, crashes)
+            self._list_earlier()
+        except sqlite3.Error as error:
+            self.notes.append(f"The last session could not be opened ({error})")
+            return None
         if crashes >= 2:
             self.notes.append("The program ended twice in the last session, so it was not opened: see File, Recent")
             return None
@@ -197,12 +180,7 @@ class Store:
 
     def write(self, project: Project) -> None:
         """Write the changes of this window's session."""
-
-        def write() -> None:
-            self._writes += 1
-            self._rows.write(project)
-
-        self._queue(write)
+        self._queue(lambda: self._rows.write(project))
 
     def archive(self, project: Project) -> None:
         """Make this window's session an earlier one, unless it is empty, and begin another one."""
@@ -248,7 +226,7 @@ class Store:
         def beat() -> None:
             self._rows.beat()
             self._write_replaced()
-            if self._writes > SWEPT:
+            if self._connection.total_changes > self._swept + SWEPT:
                 self._sweep()
             self._connection.execute("PRAGMA wal_checkpoint(PASSIVE)")
 
@@ -257,7 +235,7 @@ class Store:
     def _sweep(self) -> None:
         with transaction(self._connection):
             self._blobs.sweep()
-        self._writes = 0
+        self._swept = self._connection.total_changes
 
     def close(self, project: Project) -> None:
         """Write the session for the next launch and end the thread."""

@@ -14,13 +14,12 @@ from core.detail.maps import compared_photos, detail_maps
 from core.detail.progressive import render_frame
 from core.geometry.pixels import to_bytes
 from core.gl.baking import bake
-from core.gl.offscreen import OffscreenRenderer
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.models.photo_detail import PhotoDetail, PhotoView
 from core.rendering.reference import render_exact
 from core.streams import run_to_end
-from tests.conftest import no_opengl
+from tests.conftest import offscreen
 from tests.core.baked_reference import render_baked
 
 PICTURES = sorted((FOLDER / "cars").glob("*.webp"))
@@ -89,11 +88,7 @@ def test_the_shader_shows_what_is_borrowed(model: Model, instance: Instance) -> 
     assert baked is not None and baked.detail is not None and baked.detail.borrowed == 1
     behind = model.camera(BEHIND, 0.2).resized(96, 96)
     photos = replace(baked.detail, photos=baked.detail.photos[:1], borrowed=0)
-    try:
-        pictures = OffscreenRenderer((96, 96))
-    except RuntimeError as error:
-        no_opengl(error)
-    with pictures:
+    with offscreen((96, 96)) as pictures:
         drawn, before = (pictures.draw(replace(baked, detail=maps), behind) / 255 for maps in (baked.detail, photos))
     change = np.abs(drawn - before).mean()
     assert change > 0.005

@@ -19,7 +19,6 @@ from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.geometry.rays import Rays, camera_rays
 from core.gl.baking import bake
-from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
 from core.models.model import Instance, Model
 from core.models.motion import FOLLOWED, moved_along
@@ -29,7 +28,7 @@ from core.rendering.fast import clear_cache
 from core.rendering.outline import FADED, effective_strength
 from core.rendering.reference import Rendered, render_exact
 from core.streams import run_to_end
-from tests.conftest import no_opengl
+from tests.conftest import offscreen
 from tests.core.baked_reference import render_baked
 
 SIZE = 192
@@ -196,11 +195,7 @@ def test_opengl_and_the_processor_draw_the_same_photo_detail(
     if covers:
         baked = replace(baked, detail=lettered(baked.detail))
     view = tiny.camera(azimuth, 0.4).resized(96, 96)
-    try:
-        pictures = OffscreenRenderer((96, 96))
-    except RuntimeError as error:
-        no_opengl(error)
-    with pictures:
+    with offscreen((96, 96)) as pictures:
         drawn, bare = (pictures.draw(field, view) / 255 for field in (baked, replace(baked, detail=None)))
     looked_up = render_baked(baked, view).colour.numpy()
     change = np.abs(drawn - bare).mean()

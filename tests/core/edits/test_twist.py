@@ -17,7 +17,6 @@ from core.edits.edit import Edit
 from core.edits.kinds import KINDS
 from core.export.mesh import extract_mesh
 from core.gl.baking import bake
-from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
 from core.models.model import Instance, Model
 from core.models.scene import Scene
@@ -27,7 +26,7 @@ from core.rendering.occupancy import shape_occupancy
 from core.rendering.reference import render_exact
 from core.rendering.surface import surface_points
 from core.streams import run_to_end
-from tests.conftest import no_opengl
+from tests.conftest import offscreen
 from tests.core.baked_reference import render_baked
 from tests.core.detail.test_maps import striped
 
@@ -101,11 +100,7 @@ def test_photo_detail_follows_on_both_processors(tiny: Model) -> None:
     instance = striped(tiny, camera).with_edits(Twist, Twist(0.6))
     *_, shadowed = filter(None, bake(instance))
     baked = replace(shadowed, shadow=None)
-    try:
-        pictures = OffscreenRenderer((SIZE, SIZE))
-    except RuntimeError as error:
-        no_opengl(error)
-    with pictures:
+    with offscreen((SIZE, SIZE)) as pictures:
         drawn, bare = (pictures.draw(field, camera) / 255 for field in (baked, replace(baked, detail=None)))
     looked_up = render_baked(baked, camera).colour.numpy()
     assert abs(drawn - looked_up).mean() < abs(drawn - bare).mean() / 4

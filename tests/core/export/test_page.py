@@ -21,11 +21,10 @@ from core.export.page import MAX_BYTES, Look, write_page
 from core.export.page import page as page_text
 from core.geometry.camera import Camera
 from core.gl.baking import bake
-from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
 from core.models.model import Instance, Model
 from core.models.photo_detail import OtherSide
-from tests.conftest import no_opengl, unchecked_shapes
+from tests.conftest import offscreen, unchecked_shapes
 from tests.core.detail.test_maps import lettered, striped
 from tests.core.export.chromium import Chromium
 from tests.core.export.conftest import SIZE
@@ -74,11 +73,7 @@ def test_pages_show_the_programs_own_render(
     chromium.open(path, SIZE, SIZE + 100)
     chromium.evaluate(f"stage.style.flex = 'none'; stage.style.height = '{SIZE}px'; 0")
     *_, baked = filter(None, bake(instance))
-    try:
-        pictures = OffscreenRenderer((SIZE, SIZE), background=None)
-    except RuntimeError as error:
-        no_opengl(error)
-    with pictures:
+    with offscreen((SIZE, SIZE), background=None) as pictures:
         for azimuth, elevation in views:
             own = on_white(pictures.draw(baked, replace(camera, azimuth=azimuth, elevation=elevation)))
             assert psnr(drawn(chromium, azimuth, elevation), own) >= 35
@@ -105,11 +100,7 @@ def test_pages_show_what_the_mirror_image_has_of_its_own(
     path.write_text(page_text([Look("", baked, np.zeros((64, 64, 4), np.uint8))], camera, "Stool"))
     chromium.open(path, SIZE, SIZE + 100)
     chromium.evaluate(f"stage.style.flex = 'none'; stage.style.height = '{SIZE}px'; 0")
-    try:
-        pictures = OffscreenRenderer((SIZE, SIZE), background=None)
-    except RuntimeError as error:
-        no_opengl(error)
-    with pictures:
+    with offscreen((SIZE, SIZE), background=None) as pictures:
         for azimuth in (1.1, math.pi - 1.1):
             own = on_white(pictures.draw(baked, replace(camera, azimuth=azimuth)))
             assert psnr(drawn(chromium, azimuth, camera.elevation), own) >= 35
@@ -165,11 +156,7 @@ def test_pages_of_any_size_show_the_programs_own_render(
     size = chromium.evaluate("[stage.clientWidth, stage.clientHeight]")
     assert size[0] == width and size[1] > 0.85 * height
     *_, baked = filter(None, bake(striped(tiny, camera.resized(192, 192))))
-    try:
-        pictures = OffscreenRenderer(tuple(size), background=None)
-    except RuntimeError as error:
-        no_opengl(error)
-    with pictures:
+    with offscreen(tuple(size), background=None) as pictures:
         focal = camera.focal / camera.height * min(size)
         own = pictures.draw(baked, replace(camera, focal=focal, width=size[0], height=size[1]))
     assert psnr(on_white(chromium.picture("draw(1)")), on_white(own)) >= 35

@@ -14,10 +14,9 @@ from core.export.dimensions import dimension_lines
 from core.export.page import MAX_BYTES, PageExtras, write_page
 from core.geometry.camera import Camera
 from core.gl.baking import bake
-from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
 from core.models.model import Instance, Model
-from tests.conftest import no_opengl, unchecked_shapes
+from tests.conftest import offscreen, unchecked_shapes
 from tests.core.detail.test_maps import striped
 from tests.core.export.chromium import Chromium
 from tests.core.export.conftest import SIZE
@@ -72,11 +71,7 @@ def test_swatches_show_the_variants(
         f"overlay.setAttribute('hidden', ''); stage.style.flex = 'none'; stage.style.height = '{SIZE}px'; 0"
     )
     chromium.evaluate(f"stage.style.width = '{SIZE}px'; document.getElementsByName('Colour')[0].focus()")
-    try:
-        pictures = OffscreenRenderer((SIZE, SIZE), background=None)
-    except RuntimeError as error:
-        no_opengl(error)
-    with pictures:
+    with offscreen((SIZE, SIZE), background=None) as pictures:
         for number, variant in enumerate(variants.values()):
             if number:
                 chromium.evaluate("window.seen = parts; 0")

@@ -11,12 +11,11 @@ from core.edits.stretch import Stretch
 from core.geometry.camera import Camera, Factors
 from core.gl.baked_field import BakedField
 from core.gl.baking import MAX_TURN, BakedViews, bake, bake_views, prefilter, spread
-from core.gl.offscreen import OffscreenRenderer
 from core.metrics import psnr
 from core.models.model import Model
 from core.rendering.reference import render_exact
 from core.streams import run_to_end
-from tests.conftest import no_opengl, random_model, with_contrast
+from tests.conftest import offscreen, random_model, with_contrast
 from tests.core.baked_reference import render_baked
 from tests.core.tiny import tiny_model
 
@@ -56,11 +55,7 @@ def test_a_stretched_object_has_the_same_texels_and_another_picture(tiny: Model,
     assert psnr(render_baked(fine, camera).colour, exact.colour) > 40
     views = run_to_end(bake_views(stool, [camera], 128))
     assert psnr(render_baked(views.seen_from(camera), camera).colour, exact.colour) > 40
-    try:
-        pictures = OffscreenRenderer((96, 64))
-    except RuntimeError as error:
-        no_opengl(error)
-    with pictures:
+    with offscreen((96, 64)) as pictures:
         image = torch.from_numpy(pictures.draw(replace(fine, shadow=None), camera).copy()).float() / 255
     assert psnr(image, exact.colour) > 40
     assert fine.shadow.height == pytest.approx(natural.shadow.height * stool.codes.proportions[2])

@@ -113,6 +113,6 @@ def test_a_copy_of_a_frame_is_read_in_place_of_the_video(tmp_path: Path) -> None
     copies = PhotoCopies()
     source = PhotoSource(tmp_path / "walk.mp4")
     images = [Image.new("RGBA", (8, 8), colour) for colour in ("red", "blue")]
-    photos = [copies.keep_image(source, image) for image in images]
+    photos = [copies.keep(source, image) for image in images]
     assert [Image.open(photo.file).getpixel((0, 0)) for photo in photos] == [(255, 0, 0, 255), (0, 0, 255, 255)]
     assert [photo.file.name for photo in photos] == ["walk.png"] * 2

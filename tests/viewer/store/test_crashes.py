@@ -237,7 +237,8 @@ def test_a_damaged_database_is_set_aside_and_what_can_be_read_goes_on(
     again = Session(worker, backend, 0, tmp_path)
     again.resume()
     again.tick()
-    assert "was damaged" in again.messages.all[0].text and again.messages.errors == []
+    assert "was damaged" in again.messages.all[0].text and again.messages.all[0].lasts
+    assert again.messages.errors == []
     assert (tmp_path / "work damaged.codenerf").read_bytes() == damaged
     assert bool(again.editor.objects.own) == (harm == "pages")
     again.editor.show_object("object 3")
