@@ -84,15 +84,15 @@ def fit_images(args: argparse.Namespace, clock: "Stopwatch") -> Fitted:
     cuts = tuple(source.cut for source in inputs)
     name = args.model or likeliest_model(cuts[0].categories)
     model = load_model(model_with(args.resume and scene_model(args.resume), name), args.device)
-    kept, hypothesis = resume_point(open_scene(args.resume, model).instance) if args.resume else ((), None)
+    earlier, hypothesis = resume_point(open_scene(args.resume, model).instance) if args.resume else ((), None)
     with clock("view_bank"):
         wait_for_view_bank(model)
-    photos = *kept, *map(_photo, inputs, repeat(model), repeat(args.pose_scale))
+    photos = *earlier, *map(_photo, inputs, repeat(model), repeat(args.pose_scale))
     _say_category(args, model, cuts[0].categories)
     with clock("search"):
         last = _search(model, FitJob(photos, settings, args.seed, hypothesis), args.log)
     names = [
-        *(f"photo {number} of {args.resume}" for number in range(1, 1 + len(kept))),
+        *(f"photo {number} of {args.resume}" for number in range(1, 1 + len(earlier))),
         *(source.name for source in inputs),
     ]
     return Fitted(model, names, photos, cuts, last, inputs[0].image)

@@ -61,19 +61,19 @@ def write_video(views: Sequence[View], path: Path, settings: VideoSettings | Non
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         raise ValueError(f"{path.name}: a video must end in {', '.join(FORMATS)}")
-    chosen = FORMATS[suffix]
-    if settings.background is None and not chosen.transparent:
+    file_format = FORMATS[suffix]
+    if settings.background is None and not file_format.transparent:
         able = ", ".join(name for name, kind in FORMATS.items() if kind.transparent)
         raise ValueError(f"{path.name}: only {able} can have a transparent background")
     sizes = {(view.camera.width, view.camera.height) for view in views}
     if len(sizes) != 1 or min(min(sizes)) < 2:
         raise ValueError(f"frames of a video have one size, of at least 2 px, got {sorted(sizes)}")
     views = shown_views(views, path, settings.rate)
-    settings = replace(settings, rate=min(settings.rate, chosen.most_rate))
-    atomic = atomic_folder if chosen.folder else atomic_file
-    shadow = settings.shadow and chosen.shows_shadow(settings.background)
+    settings = replace(settings, rate=min(settings.rate, file_format.most_rate))
+    atomic = atomic_folder if file_format.folder else atomic_file
+    shadow = settings.shadow and file_format.shows_shadow(settings.background)
     frames = render_frames(views, settings.background, settings.exact, shadow)
-    with atomic(path) as partial, closing(chosen.sink(partial, settings)) as sink, _Encoder(sink) as encoder:
+    with atomic(path) as partial, closing(file_format.sink(partial, settings)) as sink, _Encoder(sink) as encoder:
         done = 0
         for image in frames:
             if image is not None:
@@ -190,7 +190,7 @@ class _Gif(_Sink):
         self._previous: Image.Image | None = None
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
-        """Write what has changed since the last frame."""
+        """Write the part that differs from the last frame."""
         if not self._count:
             self._file.write(b"GIF89a" + struct.pack("<HHBBB", image.shape[1], image.shape[0], 0, 0, 0) + _ENDLESS)
         frame = self._reduced(Image.fromarray(image))

@@ -257,5 +257,4 @@ def _names(kind: Any) -> tuple[str, ...]:
     return tuple(item.name for item in fields(kind)) if is_dataclass(kind) else kind._fields
 
 
-_BESIDE_IMAGE = tuple(name for name in _names(Photo) if name not in _IN_IMAGE)
-"""Fields of a photo that a PNG lacks."""
+_BESIDE_IMAGE = tuple(name for name in _names(Photo) if name not in _IN_IMAGE)  # fields that a PNG lacks
