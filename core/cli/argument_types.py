@@ -88,40 +88,27 @@ def image_size(text: str) -> tuple[int, int]:
     return int(sides[0]), int(sides[1])
 
 
-def size_cm(text: str) -> tuple[float, float, float]:
-    """Parse width, depth and height in centimetres, ``WxDxH``."""
-    sides = tuple(map(_as_number, text.lower().split("x")))
-    if len(sides) != 3 or not all(0 < side < math.inf for side in sides):
-        raise argparse.ArgumentTypeError(f"a size is WxDxH in centimetres, like 60x58x92, not {text!r}")
-    return sides
+def numbers(count: int, separator: str, above: float, form: str) -> Callable[[str], tuple[float, ...]]:
+    """Return a parser of ``count`` finite numbers above a limit; ``form`` tells of them in messages."""
 
-
-def portion_cm(name: str) -> Callable[[str], tuple[str, float]]:
-    """Return a parser of the length in centimetres of a portion of the object, which it names."""
-
-    def parse(text: str) -> tuple[str, float]:
-        length = _as_number(text)
-        if not 0 < length < math.inf:
-            raise argparse.ArgumentTypeError(f"the {name} have a length in centimetres, like 45, not {text!r}")
-        return name, length
+    def parse(text: str) -> tuple[float, ...]:
+        values = tuple(map(_as_number, text.lower().split(separator)))
+        if len(values) != count or not all(above < value < math.inf for value in values):
+            raise argparse.ArgumentTypeError(f"{form}, not {text!r}")
+        return values
 
     return parse
 
 
-def box(text: str) -> tuple[float, ...]:
-    """Parse left, top, right and bottom, ``X0,Y0,X1,Y1``."""
-    numbers = tuple(map(_as_number, text.split(",")))
-    if len(numbers) != 4 or not all(map(math.isfinite, numbers)):
-        raise argparse.ArgumentTypeError(f"a box is four numbers X0,Y0,X1,Y1, not {text!r}")
-    return numbers
+size_cm = numbers(3, "x", 0.0, "a size is WxDxH in centimetres, like 60x58x92")  # width, depth and height
+box = numbers(4, ",", -math.inf, "a box is four numbers X0,Y0,X1,Y1")  # left, top, right and bottom
+point = numbers(2, ",", -math.inf, "a point is two numbers X,Y")
 
 
-def point(text: str) -> tuple[float, float]:
-    """Parse two numbers ``X,Y``."""
-    numbers = tuple(map(_as_number, text.split(",")))
-    if len(numbers) != 2 or not all(map(math.isfinite, numbers)):
-        raise argparse.ArgumentTypeError(f"a point is two numbers X,Y, not {text!r}")
-    return numbers[0], numbers[1]
+def portion_cm(name: str) -> Callable[[str], tuple[str, float]]:
+    """Return a parser of the length in centimetres of a portion of the object, which it names."""
+    parse = numbers(1, ",", 0.0, f"the {name} have a length in centimetres, like 45")
+    return lambda text: (name, parse(text)[0])
 
 
 def edits(text: str) -> tuple[tuple[str, float], ...]:

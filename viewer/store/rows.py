@@ -22,8 +22,6 @@ from viewer.values.state import State
 
 _MAX_STEPS = 32  # steps of a finished fit that are kept, for its curve
 _MAX_ROWS = 10_000  # of a kind that are read of a session
-
-
 _NOTHING = Project(History({}))
 
 
