@@ -30,7 +30,7 @@ def add_command(commands: argparse._SubParsersAction, name: str, run: str, descr
 
 
 def option(group: Group, name: str, kind: Callable[[str], Any], value: str, text: str, **more: Any) -> None:
-    """Add an option or argument.
+    """Add an option or argument. One with several values may be repeated.
 
     Args:
         kind: parses its value.
@@ -38,7 +38,8 @@ def option(group: Group, name: str, kind: Callable[[str], Any], value: str, text
         text: describes it in the help.
         more: further arguments of :meth:`argparse.ArgumentParser.add_argument`.
     """
-    group.add_argument(name, type=kind, metavar=value, help=text, **more)
+    action = "extend" if "nargs" in more else "store"
+    group.add_argument(name, type=kind, metavar=value, help=text, **{"action": action, **more})
 
 
 def add_model(command: argparse.ArgumentParser) -> None:

@@ -85,9 +85,9 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
     option(what, "--scene", input_file, "S.json", scene)
     add_no_photo_detail(command, "show the colours of the codes alone, without the photo detail of a fitted scene")
     edit = "move along named directions by standard deviations: rounder=1.5,darker=-1"
-    option(command, "--edit", edits, "NAME=X,…", edit, default=())
+    option(command, "--edit", edits, "NAME=X,…", edit, action="extend", default=[])
     paint = "colour a part, such as the fabric or wood of a chair (default: the largest); photo detail stays"
-    option(command, "--paint", paints, "[PART=]#rrggbb,…", paint, default=())
+    option(command, "--paint", paints, "[PART=]#rrggbb,…", paint, action="extend", default=[])
     size = "stretch the object to this width, depth and height in centimetres: 60x58x92 (default: as it is)"
     option(command, "--size-cm", size_cm, "WxDxH", size)
     for name, extent in (("legs", "of a chair, up to its seat"), ("roof", "of a car, from its windows up")):

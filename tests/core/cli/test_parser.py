@@ -44,6 +44,21 @@ assert not {"torch", "numpy", "PIL"} & {*sys.modules}
         assert any(word in printed for printed in words), word
 
 
+@pytest.mark.parametrize(
+    ("command", "words", "values"),
+    [
+        ("render --out a.png", "--paint seat=c03028 --paint 204080", 2),
+        ("render --out a.png", "--edit rounder=1,darker=1 --edit softer=-1", 3),
+        ("fit a.png", "--point 1,2 3,4 --point 5,6", 3),
+        ("mesh --out a.glb", "--variants a.png --variants b.png", 2),
+    ],
+)
+def test_a_repeated_option_adds_its_values(command: str, words: str, values: int) -> None:
+    name = words.split()[0].removeprefix("--")
+    for _ in range(2):  # defaults are not extended
+        assert len(vars(build_parser().parse_args([*command.split(), *words.split()]))[name]) == values
+
+
 def test_a_benchmark_without_the_extra_lab_names_the_missing_package() -> None:
     code = "import sys; sys.modules['pandas'] = None; from core.__main__ import main; main(['bench', 'page'])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
