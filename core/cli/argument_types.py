@@ -57,9 +57,9 @@ def whole_from(first: int, last: int) -> Callable[[str], int]:
 count = whole_from(1, _ENDLESS)
 
 
-def degrees_up_to(most: float) -> Callable[[str], float]:
-    """Return a parser of angles from ``-most`` to ``most`` degrees, in radians."""
-    parse = number_from(-most, most, " degrees")
+def degrees_up_to(limit: float) -> Callable[[str], float]:
+    """Return a parser of angles from ``-limit`` to ``limit`` degrees, in radians."""
+    parse = number_from(-limit, limit, " degrees")
     return lambda text: math.radians(parse(text))
 
 

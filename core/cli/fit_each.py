@@ -43,10 +43,10 @@ def fit_each(args: argparse.Namespace) -> None:
     fits = {_key(single): single for single in _single_fits(args)}  # a photo that is named twice is fitted once
     photos = {str(single.source) for single in fits.values()}
     earlier = _read_rows(args.out)
-    kept = {key: row for key, row in earlier.items() if _is_done(args.out, row) or row["photo"] not in photos}
-    _write_rows(args.out, kept.values())
-    missing = {key: single for key, single in fits.items() if key not in kept}
-    rows = kept | _fit_missing(args, missing, len(fits))
+    finished = {key: row for key, row in earlier.items() if _is_done(args.out, row) or row["photo"] not in photos}
+    _write_rows(args.out, finished.values())
+    missing = {key: single for key, single in fits.items() if key not in finished}
+    rows = finished | _fit_missing(args, missing, len(fits))
     failed = sum("error" in rows[key] for key in fits)
     sheet = args.out / _SHEET
     write_contact_sheet(sheet, [(args.out / f"{key}.png", _caption(rows[key])) for key in fits])

@@ -103,8 +103,8 @@ def _add_scene_options(command: argparse.ArgumentParser) -> None:
     option(command, "--distance", number_from(0.05, 100, " scene units"), "X", distance)
 
 
-def _add_dimensions(command: argparse.ArgumentParser, place: str) -> None:
-    text = f"draw width, depth and height as in a furniture catalogue, {place}"
+def _add_dimensions(command: argparse.ArgumentParser, placement: str) -> None:
+    text = f"draw width, depth and height as in a furniture catalogue, {placement}"
     command.add_argument("--dimensions", choices=("cm", "in"), help=text)
 
 

@@ -73,8 +73,8 @@ def _shown_frames(shots: Sequence[View], args: argparse.Namespace) -> int:
         return len(shots)  # the writer refuses it
     count = len(shown_views(shots, args.out, args.fps))
     if count < len(shots):
-        most = FORMATS[args.out.suffix.lower()].most_rate
-        say(f"{args.out}: browsers show at most {most} frames a second of it, so {count} of {len(shots)} are kept")
+        limit = FORMATS[args.out.suffix.lower()].most_rate
+        say(f"{args.out}: browsers show at most {limit} frames a second of it, so {count} of {len(shots)} are kept")
     return count
 
 

@@ -90,12 +90,12 @@ class BorrowedEnd:
         Args:
             match: of the model's colours to the photos'.
         """
-        own = self.texels.colours(textured)
-        own = (own + match.change(own.movedim(0, -1)).movedim(-1, 0)).clamp(0, 1)
-        paint = own[:, self.plain].median(1).values[:, None, None]
+        fitted_colour = self.texels.colours(textured)
+        fitted_colour = (fitted_colour + match.change(fitted_colour.movedim(0, -1)).movedim(-1, 0)).clamp(0, 1)
+        paint = fitted_colour[:, self.plain].median(1).values[:, None, None]
         colour = (self.colour * (1 - self.paint).clamp_min(0) + self.paint * paint).clamp(0, 1)
         inside = (self.weight > 0).float()[None]
-        smooth = blurred(torch.cat((own * inside, resized(colour, self.weight) * inside, inside)), _SMOOTH)
+        smooth = blurred(torch.cat((fitted_colour * inside, resized(colour, self.weight) * inside, inside)), _SMOOTH)
         even, blur = enlarged(smooth[:6] / smooth[6:].clamp_min(1e-3), colour).split(3)
         colour = (even + _CONTRAST * (colour - blur)).clamp(0, 1)
         weight = enlarged(self.weight[None], colour)
@@ -162,8 +162,8 @@ def most_similar(fitted: Instance, pictures: Collection[int]) -> int:
     """Return the training object whose occupied space overlaps the fitted object's most."""
     numbers = tuple(pictures)
     shapes = _occupied_by_training_objects(fitted.model, numbers)
-    own = _occupied(with_network(fitted.model, fitted.codes), fitted.biases[0][None])
-    overlap = (own & shapes).sum(1) / (own | shapes).sum(1).clamp_min(1)
+    occupied = _occupied(with_network(fitted.model, fitted.codes), fitted.biases[0][None])
+    overlap = (occupied & shapes).sum(1) / (occupied | shapes).sum(1).clamp_min(1)
     return numbers[int(overlap.argmax())]
 
 
@@ -238,8 +238,8 @@ def _warp(solid: Bool[Tensor, "h w"], glass: Float[Tensor, "h w"], picture: Pict
     if len(own_rows) != len(picture_rows):
         own_rows, picture_rows = ((rows[0], rows[-1]) for rows in (own_rows, picture_rows))
     rows = np.interp(np.arange(SIDE), own_rows, picture_rows)
-    own, pictured_widths = (_widths(mask) for mask in (solid, picture.opacity))
-    scale = np.clip(np.interp(rows, np.arange(SIDE), pictured_widths) / np.maximum(own, 4), *_WIDEN)
+    widths, pictured_widths = (_widths(mask) for mask in (solid, picture.opacity))
+    scale = np.clip(np.interp(rows, np.arange(SIDE), pictured_widths) / np.maximum(widths, 4), *_WIDEN)
     across = (np.arange(SIDE) + 0.5) * 2 / SIDE - 1
     down = np.broadcast_to((rows[:, None] + 0.5) * 2 / SIDE - 1, (SIDE, SIDE))
     return torch.from_numpy(np.stack((scale[:, None] * across, down), -1)).float()

@@ -173,7 +173,9 @@ def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, Co
         rays = camera_rays(camera, torch.tensor(fitted.model.extent))
         normals = surface_normals(rays.origins, rays.directions, source)
         mask = resized(torch.from_numpy(rgba[None, ..., 3].copy()), source.opacity)[0]
-        kept = smooth_step(distance(torch.from_numpy(view.kept(camera.width, high)), beyond=True), 0.0, _SHAPE_FADE)
+        not_erased = smooth_step(
+            distance(torch.from_numpy(view.kept(camera.width, high)), beyond=True), 0.0, _SHAPE_FADE
+        )
         photo = _object_colours(rgba)
         render = surface_colours(source)
         surface = torch.cat((normals, source.depth[..., None]), -1).movedim(-1, 0)
@@ -182,8 +184,8 @@ def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, Co
     yield None
     with torch.inference_mode():
         small = resized(photo, source.opacity)
-        weight = kept * paint_weight(mask, source)
-        near = kept * smooth_step(distance(mask < 0.5), _REACH, 0.5)
+        weight = not_erased * paint_weight(mask, source)
+        near = not_erased * smooth_step(distance(mask < 0.5), _REACH, 0.5)
         match = colour_match(render.flatten(1), small.flatten(1), weight.flatten())
         roof = smooth_step(normals[..., 2], *_UPWARD) * (1 - parts.get("glass", torch.ones_like(mask)))
         weight = weight * _without_glass_above(small, render, roof)
@@ -247,9 +249,9 @@ def paint_weight(mask: Float[Tensor, "h w"], source: Rendered) -> Float[Tensor, 
 def _leaps(depth: Float[Tensor, "h w"]) -> Bool[Tensor, "h w"]:
     """Mark pixels beside depth edges."""
     padded = functional.pad(depth[None, None], (1,) * 4, mode="replicate")[0, 0]
-    across = padded[1:-1, 2:] - 2 * depth + padded[1:-1, :-2]
+    sideways = padded[1:-1, 2:] - 2 * depth + padded[1:-1, :-2]
     down = padded[2:, 1:-1] - 2 * depth + padded[:-2, 1:-1]
-    return torch.maximum(across.abs(), down.abs()) > _LEAP
+    return torch.maximum(sideways.abs(), down.abs()) > _LEAP
 
 
 def _object_colours(rgba: Float32[np.ndarray, "height width 4"]) -> Float[Tensor, "3 height width"]:

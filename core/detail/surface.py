@@ -66,9 +66,9 @@ def surface_normals(
     depth = blurred((rendered.depth * opacity)[None], 1.5)[0] / blurred(opacity[None], 1.5)[0].clamp_min(1e-6)
     points = origins + directions * depth[..., None]
     padded = functional.pad(points.movedim(-1, 0)[None], (1,) * 4, mode="replicate")[0]
-    across = padded[:, 1:-1, 2:] - padded[:, 1:-1, :-2]
+    sideways = padded[:, 1:-1, 2:] - padded[:, 1:-1, :-2]
     down = padded[:, 2:, 1:-1] - padded[:, :-2, 1:-1]
-    normal = functional.normalize(torch.linalg.cross(across, down, dim=0).movedim(0, -1), dim=-1)
+    normal = functional.normalize(torch.linalg.cross(sideways, down, dim=0).movedim(0, -1), dim=-1)
     return torch.where((normal * directions).sum(-1, keepdim=True) > 0, -normal, normal)
 
 

@@ -121,11 +121,11 @@ def place_camera(file: bytes, camera: Camera, origin: Float[np.ndarray, "3"], sc
     """
     (length,) = struct.unpack("<I", file[12:16])
     document = json.loads(file[20 : 20 + length])
-    rotation, place = (tensor.numpy() for tensor in camera.world_to_camera(torch.device("cpu")))
+    rotation, position = (tensor.numpy() for tensor in camera.world_to_camera(torch.device("cpu")))
     matrix = np.eye(4)
     # Rows of the rotation are the camera's axes right, up, backward: glTF's convention, too.
     matrix[:3, :3] = (rotation @ WORLD_FROM_GLTF).T
-    matrix[:3, 3] = scale * (place - origin) @ WORLD_FROM_GLTF
+    matrix[:3, 3] = scale * (position - origin) @ WORLD_FROM_GLTF
     lens = {"yfov": 2 * math.atan(camera.height / (2 * camera.focal)), "aspectRatio": camera.width / camera.height}
     lens |= {"znear": 0.01 * scale * camera.distance, "zfar": 100 * scale * camera.distance}
     document["cameras"] = [{"type": "perspective", "perspective": lens}]

@@ -223,8 +223,10 @@ def _colours(
         return colours
     with torch.inference_mode():
         device = detail.photos[0].surface.device
-        places, outward, network = (torch.from_numpy(array).float().to(device) for array in (points, normals, colours))
-        return (network + detail.colour_changes(places, -outward, network)[0]).clamp(0, 1).cpu().numpy()
+        positions, outward, network = (
+            torch.from_numpy(array).float().to(device) for array in (points, normals, colours)
+        )
+        return (network + detail.colour_changes(positions, -outward, network)[0]).clamp(0, 1).cpu().numpy()
 
 
 def extract_mesh(instance: Instance, resolution: int | None = None, triangles: int = 0) -> Generator[float, None, Mesh]:

@@ -121,18 +121,20 @@ def write_page(
         unfinished.write_text(page(looks, camera, name, more), encoding="utf-8")
 
 
-def _room(instance: Instance, variants: Mapping[str, Instance], beside: Path) -> Generator[float, None, dict[str, Any]]:
+def _room(
+    instance: Instance, variants: Mapping[str, Instance], glb_path: Path
+) -> Generator[float, None, dict[str, Any]]:
     """Write the file beside the page, and return the content of the page for phones."""
     from core.export.mesh import room_mesh  # imports scipy, which other pages do not need
     from core.export.mesh_formats import save_mesh
     from core.export.usdz import write_usdz
 
     mesh = yield from room_mesh(instance, variants)
-    with atomic_file(beside) as unfinished:
+    with atomic_file(glb_path) as unfinished:
         save_mesh(mesh, unfinished)
     file = io.BytesIO()
     write_usdz(mesh, file)
-    return {"glb": beside.name, "usdz": _packed(np.frombuffer(file.getvalue(), np.uint8))}
+    return {"glb": glb_path.name, "usdz": _packed(np.frombuffer(file.getvalue(), np.uint8))}
 
 
 class Look(NamedTuple):

@@ -59,17 +59,17 @@ def _label_faces(
     probability = _probability(head, folded, inside)
     middles, ends = (folded.origins(torch.from_numpy(points).float()).numpy() for points in (middles, vertices))
     low = ends.min(0)
-    places = (middles - low) / (ends.max(0) - low)
+    fractions = (middles - low) / (ends.max(0) - low)
     above = np.zeros(len(faces))
     if "seat" in head.names:
         facing_up = probability[:, head.names.index("seat")] * np.maximum(normals[:, 2], 0.0)
         above = middles[:, 2] - _weighted_median(middles[:, 2], facing_up)
     probability = np.maximum(probability, 1e-6)  # excluded parts rank below unlikely ones
     for index, name in enumerate(head.names):
-        probability[_never(name, places, above), index] = 0.0
+        probability[_never(name, fractions, above), index] = 0.0
     pairs = _neighbours(faces)
     labels = _without_teeth(_averaged(probability, pairs, area).argmax(1), pairs)
-    return _without_strays(_without_patches(labels, pairs, area), pairs, places[:, 2], head.names)
+    return _without_strays(_without_patches(labels, pairs, area), pairs, fractions[:, 2], head.names)
 
 
 def _probability(
@@ -88,11 +88,11 @@ def _weighted_median(values: Float[np.ndarray, "faces"], weights: Float[np.ndarr
 
 
 def _never(
-    name: str, places: Float[np.ndarray, "faces 3"], above: Float[np.ndarray, "faces"]
+    name: str, fractions: Float[np.ndarray, "faces 3"], above: Float[np.ndarray, "faces"]
 ) -> Bool[np.ndarray, "faces"]:
     """Mark triangles that cannot be this part, by position in the bounding box (0..1) and height above the seat."""
-    x, y = np.abs(places[:, :2] - 0.5).T
-    z = places[:, 2]
+    x, y = np.abs(fractions[:, :2] - 0.5).T
+    z = fractions[:, 2]
     if name == "wheels":
         return (z > _WHEELS_END) | (y > 0.5 - _BUMPER) | (x < 0.5 * _BETWEEN_WHEELS)
     if name == "glass":
@@ -114,8 +114,8 @@ def _averaged(
 ) -> Float[np.ndarray, "faces parts"]:
     """Average repeatedly over each triangle and its neighbours, weighted by area."""
     count = len(area)
-    own = np.arange(count)
-    target, source = np.concatenate((pairs, pairs[::-1], (own, own)), axis=1)
+    itself = np.arange(count)
+    target, source = np.concatenate((pairs, pairs[::-1], (itself, itself)), axis=1)
     weights = coo_array((area[source], (target, source)), shape=(count, count)).tocsr()
     total = np.maximum(weights @ np.ones((count, 1)), 1e-12)
     for _ in range(min(_MOST_PASSES, -(-count // _TRIANGLES_PER_PASS))):

@@ -17,7 +17,7 @@ def simplify(
     """
     import igl  # imports slowly, and few meshes need it
 
-    before = len(faces)
+    face_count = len(faces)
     while len(faces) > triangles:
         target = max(triangles, int(_STEP * len(faces)))
         fewer, corners, *_ = igl.qslim(vertices.astype(np.float64), faces.astype(np.int64), target)
@@ -25,5 +25,5 @@ def simplify(
             break
         vertices = fewer.astype(np.float32, "C")
         faces = corners.astype(np.int64, "C")
-        yield (before - len(faces)) / max(1, before - triangles)
+        yield (face_count - len(faces)) / max(1, face_count - triangles)
     return vertices, faces

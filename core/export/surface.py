@@ -126,9 +126,9 @@ def _off_surface_fraction(
 ) -> float:
     """Return the fraction of the area that lies further than :data:`TOLERANCE` from the true surface."""
     areas = np.linalg.norm(triangle_normals, axis=1)
-    chosen = np.searchsorted(areas.cumsum(), (np.arange(_PROBES) + 0.5) / _PROBES * areas.sum())
-    middles = vertices[faces[chosen]].mean(1)
-    outward = triangle_normals[chosen] / areas[chosen, None]
+    probed = np.searchsorted(areas.cumsum(), (np.arange(_PROBES) + 0.5) / _PROBES * areas.sum())
+    middles = vertices[faces[probed]].mean(1)
+    outward = triangle_normals[probed] / areas[probed, None]
     sides = torch.from_numpy(np.concatenate((middles - TOLERANCE * outward, middles + TOLERANCE * outward))).float()
     below, above = (_thickness(folded, grid, sides.to(folded.device)).cpu() > math.log(2)).chunk(2)
     return 1 - float((below & ~above).float().mean())
@@ -151,12 +151,12 @@ def _pieces(
     starts = range(0, count, _SLAB)
     planes = map_pieces(partial(_logits, folded, occupancy, grid), starts)
     border = np.empty((0, *grid.counts[1:]), np.float32)  # evaluated once: two evaluations may differ in the last bit
-    for first, own in zip(starts, planes, strict=True):
-        logits = np.concatenate((border, own))
+    for first, plane in zip(starts, planes, strict=True):
+        logits = np.concatenate((border, plane))
         if logits.max() > 0:
             vertices, faces, _, _ = marching_cubes(logits, 0.0, gradient_direction="ascent")
             pieces.append((vertices.astype(np.float64) + np.array([first - len(border), 0, 0]), faces))
-        border = own[-1:]
+        border = plane[-1:]
         yield min(first + _SLAB, count) / count
     return pieces
 
@@ -191,9 +191,9 @@ def _weld(pieces: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.n
     vertices = np.concatenate([vertices for vertices, _ in pieces])
     faces = np.concatenate([faces + start for (_, faces), start in zip(pieces, starts[:-1], strict=True)])
     on_plane = np.flatnonzero(vertices[:, 0] % _SLAB == _SLAB - 1)
-    _, kept, same = np.unique(vertices[on_plane], axis=0, return_index=True, return_inverse=True)
+    _, first_index, same = np.unique(vertices[on_plane], axis=0, return_index=True, return_inverse=True)
     target = np.arange(len(vertices))
-    target[on_plane] = on_plane[kept[same.ravel()]]
+    target[on_plane] = on_plane[first_index[same.ravel()]]
     return vertices, target[faces]
 
 
@@ -210,7 +210,7 @@ def _remove_specks(vertices: np.ndarray, faces: np.ndarray, step: np.ndarray) ->
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
     volume = np.bincount(piece[faces[:, 0]], (np.cross(a, b) * c).sum(1), count)
     size[volume <= 0] = -1.0  # the wall of a cavity faces inward
-    kept = size >= min(_MIN_PIECE, size.max())
-    faces = faces[kept[piece[faces[:, 0]]]]
+    large = size >= min(_MIN_PIECE, size.max())
+    faces = faces[large[piece[faces[:, 0]]]]
     used, renamed = np.unique(faces, return_inverse=True)
     return vertices[used], renamed.reshape(-1, 3)

@@ -26,11 +26,11 @@ def textured(mesh: Mesh, colours: Mapping[str, Colours], pixels: int) -> Generat
     Raises ``ValueError`` if the library that unwraps surfaces is missing.
     """
     yield 0.0
-    kept, corners, uv, (width, height) = _unwrapped(mesh.vertices, mesh.faces, pixels)
+    original, corners, uv, (width, height) = _unwrapped(mesh.vertices, mesh.faces, pixels)
     yield _UNWRAP_FRACTION
-    points = mesh.vertices[kept].astype(np.float32)
-    faces = kept[corners]  # both sides of a seam share the original vertex's normal
-    normals = vertex_normals(len(mesh.vertices), faces, face_normals(mesh.vertices, faces))[kept]
+    points = mesh.vertices[original].astype(np.float32)
+    faces = original[corners]  # both sides of a seam share the original vertex's normal
+    normals = vertex_normals(len(mesh.vertices), faces, face_normals(mesh.vertices, faces))[original]
     covered, triangle, weights = _texels(uv * (width, height), corners, (width, height))
     texels = [(weights[..., None] * array[corners[triangle]]).sum(1).astype(np.float32) for array in (points, normals)]
     texels[1] /= np.maximum(np.linalg.norm(texels[1], axis=1, keepdims=True), 1e-9)
@@ -61,8 +61,8 @@ def _unwrapped(
     options.padding = _PADDING
     options.bilinear = True
     atlas.generate(pack_options=options)
-    kept, corners, uv = atlas[0]
-    return kept.astype(np.int64), corners.astype(np.int64), uv.astype(np.float64), (atlas.width, atlas.height)
+    original, corners, uv = atlas[0]
+    return original.astype(np.int64), corners.astype(np.int64), uv.astype(np.float64), (atlas.width, atlas.height)
 
 
 def _texels(

@@ -13,7 +13,7 @@ def is_variant(first: Instance, second: Instance) -> bool:
 
 def require_one_shape(variants: Mapping[str, Instance]) -> None:
     """Raise ``ValueError`` naming the first variant whose shape or size is not that of the one before all others."""
-    first, *others = variants
-    for name in others:
+    first, *further = variants
+    for name in further:
         if not is_variant(variants[first], variants[name]):
             raise ValueError(f"{name} has another shape than {first}: a file holds versions of one shape")

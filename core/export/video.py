@@ -89,10 +89,10 @@ def write_video(views: Sequence[View], path: Path, settings: VideoSettings | Non
 
 def shown_views(views: Sequence[View], path: Path, rate: int) -> Sequence[View]:
     """Return the views, ``rate`` a second, that the format of a name shows at its own rate: one for each interval."""
-    most = FORMATS[path.suffix.lower()].most_rate
-    if rate <= most:
+    limit = FORMATS[path.suffix.lower()].most_rate
+    if rate <= limit:
         return views
-    return [view for index, view in enumerate(views) if index * most // rate != (index - 1) * most // rate]
+    return [view for index, view in enumerate(views) if index * limit // rate != (index - 1) * limit // rate]
 
 
 class _Sink:

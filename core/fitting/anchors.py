@@ -93,8 +93,8 @@ class SetSearch(Search):
                 return (yield from Search(problem, schedule, self.job, self.generator, self.views).find())
             search = replace(search, problem=problem)
         margins = yield from search.view_margins(singles, result.winner)
-        least = min((result.margin, *(margin for margin in margins if margin is not None)))  # a margin of 0 counts
-        return (yield from search.end(result._replace(view_margins=margins, margin=least)))
+        set_margin = min((result.margin, *(margin for margin in margins if margin is not None)))  # a margin of 0 counts
+        return (yield from search.end(result._replace(view_margins=margins, margin=set_margin)))
 
     def fit_alone(self, view: int) -> Searching[SingleFit]:
         """Fit a photo with an unknown camera, and all photos of known cameras."""

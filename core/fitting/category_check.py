@@ -23,9 +23,9 @@ def category_likelihood(category: str, photos: Sequence[Photo]) -> float:
     Each photo is evidence of its own, so that eight photos of probability 0.8 make it nearly certain.
     """
     shares = [photo.categories[category] for photo in photos if category in photo.categories]
-    shown = prod(shares)
+    product = prod(shares)
     not_shown = prod(1 - share for share in shares)
-    return shown / (shown + not_shown) if shares and shown else shown
+    return product / (product + not_shown) if shares and product else product
 
 
 def likeliest_category(guess: Mapping[str, float]) -> str | None:

@@ -128,12 +128,12 @@ def normal_equations(
     pixel_count = pixels.pixels.shape[1]
 
     def evaluate(half: tuple[slice, slice]) -> NormalEquations:
-        hypotheses, chosen = half
+        hypotheses, pixel_slice = half
         return _equations_of_half(
             model,
             Parameters(*(values[hypotheses] for values in parameters)),
-            pixels.subset(chosen),
-            None if jitter is None else jitter.unflatten(1, (pixel_count, -1))[:, chosen].flatten(1),
+            pixels.subset(pixel_slice),
+            None if jitter is None else jitter.unflatten(1, (pixel_count, -1))[:, pixel_slice].flatten(1),
             stage,
             objective,
             cells if cells is None else cells[hypotheses],
@@ -145,7 +145,7 @@ def normal_equations(
     if hypothesis_count % 2 == 0:
         equations = NormalEquations(*map(torch.cat, columns))
     else:
-        weights = [len(range(pixel_count)[chosen]) / pixel_count for _, chosen in halves]
+        weights = [len(range(pixel_count)[pixel_slice]) / pixel_count for _, pixel_slice in halves]
         equations = NormalEquations(*(sum(map(torch.mul, values, weights), torch.zeros(())) for values in columns))
     for term in (build(pixels, objective) for build in objective.terms):
         if term.channels is None:

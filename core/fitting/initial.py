@@ -147,8 +147,12 @@ def local_hypotheses(problem: Problem, batch: HypothesisBatch, count: int) -> Hy
     starts = []
     for index, offsets in zip(by_loss(batch).tolist(), LOCAL_OFFSETS, strict=False):
         cameras = to_cameras(problem.model, batch.parameters, index, problem.cameras)
-        nearest = nearest_shapes(problem, cameras, max(most for *_, most in offsets))
-        starts += [(rank, index, move, shape) for *move, most in offsets for rank, shape in enumerate(nearest[:most])]
+        nearest = nearest_shapes(problem, cameras, max(nearest_count for *_, nearest_count in offsets))
+        starts += [
+            (rank, index, move, shape)
+            for *move, nearest_count in offsets
+            for rank, shape in enumerate(nearest[:nearest_count])
+        ]
     starts.sort(key=lambda start: start[0])  # if there are too many, every camera keeps its best matching shapes
     _, indices, moves, shapes = zip(*starts[:count], strict=True)
     copies = batch[torch.tensor(indices)]

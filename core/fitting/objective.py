@@ -273,14 +273,14 @@ def _render(
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> RenderedPixels:
     rays = hypothesis_rays(model, parameters, pixels, samples, jitter)
-    kept = max(2, samples // 6)
+    coloured = max(2, samples // 6)
     cells = known_cells(model, cells)
 
     def render(piece: Piece) -> tuple[Tensor]:
         shape, texture = (bias[piece[0]] for bias in biases)
         piece_cells = cells_of(cells, piece[0])
         with autocast(model.device):
-            return (render_top_samples(model, rays[piece], samples, kept, shape, texture, piece_cells).cpu(),)
+            return (render_top_samples(model, rays[piece], samples, coloured, shape, texture, piece_cells).cpu(),)
 
     everything = (slice(None),) * 3
     (channels,) = render(everything) if torch.is_grad_enabled() else map_rays(render, rays.near.shape, samples)

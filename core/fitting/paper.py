@@ -130,8 +130,8 @@ def _with_loss(hypothesis: HypothesisBatch, value: ObjectiveValue) -> Hypothesis
     return replace(hypothesis, loss=loss, squared_error=value.squared_error)
 
 
-def _restore_known(searched: Parameters, before: Parameters, unknown: Bool[Tensor, "views"]) -> None:
+def _restore_known(searched: Parameters, previous: Parameters, unknown: Bool[Tensor, "views"]) -> None:
     """Clamp unknown cameras and restore known ones, since AdamW moves all."""
     bounded = clamp_parameters(searched, unknown)
-    searched.angles.copy_(torch.where(unknown[:, None], bounded.angles, before.angles))
-    searched.distance.copy_(torch.where(unknown, bounded.distance, before.distance))
+    searched.angles.copy_(torch.where(unknown[:, None], bounded.angles, previous.angles))
+    searched.distance.copy_(torch.where(unknown, bounded.distance, previous.distance))

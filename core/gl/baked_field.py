@@ -69,8 +69,8 @@ def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
     for _ in range(_MAX_DISTANCE):
         distance += ~reached
         for axis in range(3):
-            along = reached.movedim(axis, 0)
-            previous = along.clone()
-            along[1:] |= previous[:-1]
-            along[:-1] |= previous[1:]
+            slices = reached.movedim(axis, 0)
+            previous = slices.clone()
+            slices[1:] |= previous[:-1]
+            slices[:-1] |= previous[1:]
     return distance.cpu().numpy()

@@ -150,9 +150,9 @@ class CodeSpace:
             mean = codes.mean(0)
             _, singular, directions = torch.linalg.svd(codes - mean, full_matrices=False)
             std = singular / max(1, len(codes) - 1) ** 0.5
-            kept = std > 1e-6 * std.max().clamp_min(1e-12)
-            directions = directions[kept]
-            std = std[kept]
+            varies = std > 1e-6 * std.max().clamp_min(1e-12)
+            directions = directions[varies]
+            std = std[varies]
             largest = directions.gather(1, directions.abs().argmax(1, keepdim=True))
             return cls(mean, directions * largest.sign(), std)
 

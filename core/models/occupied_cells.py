@@ -48,27 +48,27 @@ def find_occupied_cells(
         biases = field.shape_bias(shapes)
         coarse = torch.zeros((CELLS + 1,) * 3, dtype=torch.bool, device=first.device)
         coarse[::2, ::2, ::2] = True
-        most = torch.zeros(len(points), device=first.device)
-    yield from _raise_to_densities(most, coarse, field, first, biases)
-    near = with_neighbours(cells_at_corners(most, extent))
-    yield from _raise_to_densities(most, corners_of(near) & ~coarse, field, first, biases)
-    return with_neighbours(cells_at_corners(most, extent))
+        largest = torch.zeros(len(points), device=first.device)
+    yield from _raise_to_densities(largest, coarse, field, first, biases)
+    near = with_neighbours(cells_at_corners(largest, extent))
+    yield from _raise_to_densities(largest, corners_of(near) & ~coarse, field, first, biases)
+    return with_neighbours(cells_at_corners(largest, extent))
 
 
 def _raise_to_densities(
-    most: Float[Tensor, "all"],
+    largest: Float[Tensor, "all"],
     corners: Bool[Tensor, "corners corners corners"],
     field: Field,
     first: Float[Tensor, "all width"],
     biases: Float[Tensor, "shapes blocks width"],
 ) -> Iterator[None]:
-    """Raise ``most``, the largest density so far at each corner, to that of these shapes at the marked corners."""
+    """Raise ``largest``, the largest density so far at each corner, to that of these shapes at the marked corners."""
     index = corners.flatten().nonzero()[:, 0]
     activations = first[index]
     for bias in biases:
         with torch.no_grad(), autocast(first.device):
             densities = [field.density_from_activations(block, bias)[0] for block in activations.split(_BLOCK)]
-            most[index] = torch.maximum(most[index], torch.cat(densities))
+            largest[index] = torch.maximum(largest[index], torch.cat(densities))
         yield None
 
 

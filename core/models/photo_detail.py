@@ -75,10 +75,10 @@ class PhotoView:
         image = Image.new("1", (width, height), 1)
         draw = ImageDraw.Draw(image)
         for points, radius in self.erased:
-            places = [(x * width, y * height) for x, y in points]
+            pixels = [(x * width, y * height) for x, y in points]
             reach = radius * max(width, height)
-            draw.line(places, 0, round(2 * reach))
-            for x, y in places:
+            draw.line(pixels, 0, round(2 * reach))
+            for x, y in pixels:
                 draw.ellipse((x - reach, y - reach, x + reach, y + reach), 0)
         return np.array(image)
 
@@ -107,13 +107,13 @@ class PhotoDetail:
     @classmethod
     def of(cls, views: tuple[PhotoView, ...], fitted: Latents) -> "PhotoDetail":
         """Return photos with the latents fitted to them, kept on the processor."""
-        kept = fitted.detached()
+        latents = fitted.detached()
         return cls(
             views,
-            kept.shape,
-            kept.texture,
-            shape_offsets=kept.shape_offsets,
-            texture_offsets=kept.texture_offsets,
+            latents.shape,
+            latents.texture,
+            shape_offsets=latents.shape_offsets,
+            texture_offsets=latents.texture_offsets,
         )
 
     @property

@@ -47,8 +47,8 @@ class AxisLookup(NamedTuple):
         """Tabulate a layer over [-reach, reach] of each axis; an entry is exact at the middle of its interval."""
         positions = ((torch.arange(_RESOLUTION, device=reach.device) + 0.5) * (2 / _RESOLUTION) - 1)[:, None] * reach
         origin = encode(torch.zeros_like(reach), frequencies)
-        along = encode(torch.diag_embed(positions).movedim(1, 0), frequencies) - origin  # axes, entries, encoded
-        outputs = functional.linear(along, weight)
+        encoded = encode(torch.diag_embed(positions).movedim(1, 0), frequencies) - origin  # axes, entries, encoded
+        outputs = functional.linear(encoded, weight)
         outputs[0] += functional.linear(origin, weight, bias)
         first = torch.arange(3.0, device=reach.device) * _RESOLUTION
         where = _RESOLUTION / (2 * reach), first + _RESOLUTION / 2, first, first + (_RESOLUTION - 1)

@@ -21,17 +21,17 @@ which takes longer than running it and keeps up to half a megabyte."""
 
 
 def largest_weights(
-    weights: Float[Tensor, "objects views rays samples"], kept: int, least: float
+    weights: Float[Tensor, "objects views rays samples"], coloured: int, min_weight: float
 ) -> Int[Tensor, "objects top"]:
-    """Return the indices of each object's samples of largest weight: ``kept`` per ray on average, or all.
+    """Return the indices of each object's samples of largest weight: ``coloured`` per ray on average, or all.
 
     Indices are into the flattened (views, rays, samples). Fewer samples are returned if no object has so many whose
-    weight (fraction of a ray's light) exceeds ``least``; then the number is rounded up to a multiple of 256.
+    weight (fraction of a ray's light) exceeds ``min_weight``; then the number is rounded up to a multiple of 256.
     """
     flat = weights.flatten(1)
-    count = min(kept, weights.shape[-1]) * weights[0, ..., 0].numel()
-    if least > 0 and kept < weights.shape[-1]:
-        weighing = int((flat > least).sum(1).amax())
+    count = min(coloured, weights.shape[-1]) * weights[0, ..., 0].numel()
+    if min_weight > 0 and coloured < weights.shape[-1]:
+        weighing = int((flat > min_weight).sum(1).amax())
         count = min(count, max(1, -(-weighing // _STEP)) * _STEP)
     return flat.topk(count, sorted=False).indices
 
@@ -40,7 +40,7 @@ def render_top_samples(
     model: Model,
     rays: Rays,
     samples: int,
-    kept: int,
+    coloured: int,
     shape_bias: Float[Tensor, "objects blocks width"],
     texture_bias: Float[Tensor, "objects more_blocks width"],
     cells: Bool[Tensor, "#objects x y z"] | None = None,
@@ -48,9 +48,9 @@ def render_top_samples(
 ) -> Float[Tensor, "objects views rays 4"]:
     """Render rays of (objects, views, rays): red, green, blue and opacity.
 
-    Only the samples of largest weight are coloured and differentiated in rays and biases: ``kept`` per ray on average
-    over an object. The other samples keep their density and take the mean colour of their ray, white if it has none.
-    With ``kept`` = ``samples``, the render equals that of :func:`core.rendering.reference.render_rays`. Without
+    Only the samples of largest weight are coloured and differentiated in rays and biases: ``coloured`` per ray on
+    average. The other samples keep their density and take the mean colour of their ray, white if it has none.
+    With ``coloured`` = ``samples``, the render equals that of :func:`core.rendering.reference.render_rays`. Without
     gradients, colours have the precision of the folded field, as densities always do.
 
     Args:
@@ -64,7 +64,7 @@ def render_top_samples(
     with torch.no_grad():
         densities = batch_density(present or model, points, shape_bias, cells)
         weights, transmittance = compositing_weights(densities.reshape(depths.shape), edges)
-        top = largest_weights(weights, kept, 0.0 if differentiable else MIN_WEIGHT)
+        top = largest_weights(weights, coloured, 0.0 if differentiable else MIN_WEIGHT)
     ray = top // samples
     objects = torch.arange(len(points), device=top.device)[:, None]
     positions = points[objects, top]

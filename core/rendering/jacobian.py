@@ -52,7 +52,7 @@ def render_with_jacobian(
     model: Model,
     rays: Rays,
     samples: int,
-    kept: int,
+    coloured: int,
     shape_bias: Float[Tensor, "objects blocks width"],
     texture_bias: Float[Tensor, "objects more_blocks width"],
     bias_jacobians: BiasJacobians,
@@ -66,7 +66,7 @@ def render_with_jacobian(
     points = ray_points(rays, depths).flatten(1, 3)
     density = batch_density(model, points, shape_bias, cells).reshape(depths.shape)
     sample_weights, transmittance = compositing_weights(density, edges)
-    top = largest_weights(sample_weights, kept, MIN_WEIGHT).sort().values
+    top = largest_weights(sample_weights, coloured, MIN_WEIGHT).sort().values
     ray = top // samples
     objects = torch.arange(len(points), device=top.device)[:, None]
     chosen_points = points[objects, top]
@@ -145,15 +145,15 @@ class _Composited(NamedTuple):
     """Composited rays, and their derivatives with respect to colours and optical depths of the chosen samples."""
 
     channels: Float[Tensor, "objects views rays channels"]
-    by_colour: Float[Tensor, "objects kept 3"]
-    by_thickness: Float[Tensor, "objects kept channels"]
+    by_colour: Float[Tensor, "objects top 3"]
+    by_thickness: Float[Tensor, "objects top channels"]
 
 
 def _composite(
-    colours: Float[Tensor, "objects kept 3"],
+    colours: Float[Tensor, "objects top 3"],
     sample_weights: Float[Tensor, "objects views rays samples"],
     transmittance: Float[Tensor, "objects views rays"],
-    top: Int[Tensor, "objects kept"],
+    top: Int[Tensor, "objects top"],
 ) -> _Composited:
     """Composite rays (Eq. 3) and differentiate them.
 

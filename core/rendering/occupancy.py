@@ -80,7 +80,7 @@ class Occupancy:
     Args:
         densities: at the corners.
         complete: False: thin parts that lie apart may be missing.
-        cells, least: occupied cells, and the least density in each; None: as the corners tell.
+        cells, min_density: occupied cells, and the least density in each; None: as the corners tell.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Occupancy:
         densities: Float[Tensor, "corners corners corners"],
         complete: bool = True,
         cells: Bool[Tensor, "cells cells cells"] | None = None,
-        least: Float[Tensor, "cells cells cells"] | None = None,
+        min_density: Float[Tensor, "cells cells cells"] | None = None,
     ) -> None:
         self.extent = model.extent_tensor
         self.complete = complete
@@ -101,8 +101,8 @@ class Occupancy:
         self._model = model
         self._densities = densities
         self._flat = self.cells.flatten()
-        least = -max_of_corners(-densities) if least is None else least
-        self._min_density = least.flatten().bfloat16()  # rounds by 0.4 %, below tolerances
+        min_density = -max_of_corners(-densities) if min_density is None else min_density
+        self._min_density = min_density.flatten().bfloat16()  # rounds by 0.4 %, below tolerances
         self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE_FACTOR)[0] > 0
         self._centres = (self._coarse.nonzero() + 0.5) * self.cell * _COARSE_FACTOR - self.extent
 
@@ -141,7 +141,7 @@ class Occupancy:
             return Occupancy(self._model, _moved_densities(folded, self, edit), self.complete)
         densities = self._densities
         cells = self.cells
-        least = self._min_density.view(cells.shape)
+        min_density = self._min_density.view(cells.shape)
         corners = torch.arange(CELLS + 1, device=self.cell.device)[:, None] * self.cell - self.extent
         layers = ((edit.origins(corners) + self.extent) / self.cell).clamp(0, CELLS)
         for axis, layer in enumerate(layers.unbind(-1)):
@@ -155,8 +155,8 @@ class Occupancy:
             densities = torch.lerp(start, end, fractions)
             steps = [torch.minimum(first + step, last) for step in range(int((last - first).amax()) + 1)]
             cells = torch.stack([cells.index_select(axis, step) for step in steps]).any(0)
-            least = torch.stack([least.index_select(axis, step) for step in steps]).amin(0)
-        return Occupancy(self._model, densities, self.complete, cells, least)
+            min_density = torch.stack([min_density.index_select(axis, step) for step in steps]).amin(0)
+        return Occupancy(self._model, densities, self.complete, cells, min_density)
 
     def _around(self) -> Bool[Tensor, "all"]:
         """Mark the corners of occupied cells and of all cells that touch them."""
@@ -177,9 +177,9 @@ class Occupancy:
         occupied = (self._flat.index_select(0, cell) & inside).nonzero()[:, 0]
         ray = occupied // (len(cell) // len(rays.near))
         interval = occupied - ray * (len(cell) // len(rays.near))
-        least = self._min_density.index_select(0, cell.index_select(0, occupied)).float() * step
+        thickness = self._min_density.index_select(0, cell.index_select(0, occupied)).float() * step
         counts = torch.bincount(ray)
-        occluded = _cumulative_per_ray(least, counts.cumsum(0) - counts, ray) - least > termination
+        occluded = _cumulative_per_ray(thickness, counts.cumsum(0) - counts, ray) - thickness > termination
         return OccupiedIntervals(ray, interval, occluded)
 
     def _cells_along(self, rays: Rays, step: float) -> tuple[Int[Tensor, "all"], Bool[Tensor, "all"]]:
@@ -308,8 +308,8 @@ def _cumulative_per_ray(
 ) -> Float[Tensor, "crossed"]:
     """Return inclusive cumulative sums along each ray, whose intervals begin at index ``first``."""
     total = values.cumsum(0, dtype=torch.double)
-    before = functional.pad(total, (1, 0)).index_select(0, first)
-    return (total - before.index_select(0, ray)).float()
+    total_before = functional.pad(total, (1, 0)).index_select(0, first)
+    return (total - total_before.index_select(0, ray)).float()
 
 
 class _Corners(NamedTuple):
@@ -360,8 +360,8 @@ def without_pieces(
 
 def _moved_densities(folded: FoldedField, unmoved: Occupancy, edit: Edit) -> Float[Tensor, "corners corners corners"]:
     """Return densities at corners of the cells that an edit leads to an occupied cell or beside one; 0 elsewhere."""
-    places = torch.cartesian_prod(*[torch.arange(CELLS, device=unmoved.cell.device)] * 3)
-    origins = edit.origins((places + 0.5) * unmoved.cell - unmoved.extent)
+    indices = torch.cartesian_prod(*[torch.arange(CELLS, device=unmoved.cell.device)] * 3)
+    origins = edit.origins((indices + 0.5) * unmoved.cell - unmoved.extent)
     cells = contains(with_neighbours(unmoved.cells)[None], origins[None], unmoved.extent).view_as(unmoved.cells)
     rows = corners_of(cells).flatten().nonzero()[:, 0]
     points = corner_points(unmoved.extent, CELLS)

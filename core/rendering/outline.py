@@ -94,8 +94,8 @@ class Outline(NamedTuple):
         """Return :meth:`factor` of places on the fitted object."""
         weight = gain = torch.ones_like(points[..., 0])
         for silhouette, mirrored in zip(self.silhouettes, self.mirrored, strict=True):
-            for place in (points, _mirror(points)) if mirrored else (points,):
-                weight_here, gain_here = silhouette.weight_and_gain(place)
+            for position in (points, _mirror(points)) if mirrored else (points,):
+                weight_here, gain_here = silhouette.weight_and_gain(position)
                 weight = weight * weight_here
                 gain = torch.maximum(gain, gain_here)
         return weight * (1 + self.strength * (gain - 1))
@@ -182,9 +182,9 @@ def _look_up(
     """Return the interpolated values of an image at the projections of points; beyond its edge, those of the edge."""
     local = camera.to_camera_axes(points)
     scale = 2 * camera.focal / (-local[..., 2]).clamp_min(1e-6)
-    place = torch.stack((local[..., 0] * scale / camera.width, -local[..., 1] * scale / camera.height), -1)
+    position = torch.stack((local[..., 0] * scale / camera.width, -local[..., 1] * scale / camera.height), -1)
     sampled = functional.grid_sample(
-        values.to(points.device), place.reshape(1, 1, -1, 2), padding_mode="border", align_corners=False
+        values.to(points.device), position.reshape(1, 1, -1, 2), padding_mode="border", align_corners=False
     )
     return sampled.reshape(values.shape[1], *points.shape[:-1])
 

@@ -32,12 +32,12 @@ def matmul_dtype(device_type: str) -> torch.dtype:
 def use_dtype(dtype: torch.dtype) -> Iterator[None]:
     """Force the number format of linear layers inside a ``with``, for ablations and tests."""
     global _forced
-    before = _forced
+    previous = _forced
     _forced = dtype
     try:
         yield
     finally:
-        _forced = before
+        _forced = previous
 
 
 @cache
