@@ -3,15 +3,16 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
 from PIL import Image
-from scipy.ndimage import distance_transform_edt, label, mean, minimum
+from scipy.ndimage import binary_dilation, binary_fill_holes, distance_transform_edt, find_objects, label, mean, minimum
 from skimage.color import rgb2lab
 
 from core.geometry.pixels import bounding_box
 from core.photos.candidates import filled, network_candidate, salient_box, scaled
-from core.photos.detector import Detection, box_overlap, mask_box
+from core.photos.detector import Box, Detection, box_overlap, mask_box
 
+SHOP_SIDE = 200  # px: longer side from which an image may have badges; smaller ones are renders
 _GAP = 0.03  # distance from the object, relative to its size, from which a piece is apart; white parts leave less
 _LEAST = 6  # px: smaller pieces are specks
 _SPECKS = 1e-3  # area of all pieces apart, relative to the object's, below which they are specks
@@ -23,6 +24,16 @@ _LIGHT = 60.0  # CIE lightness of the darkest watermark
 _GREY = 8.0  # chroma of the most colourful watermark
 _EVEN = 4.0  # CIE76 within a watermark
 _LETTERS = 2  # small pieces of one light grey that make a watermark
+_FLAT = 6  # 0..255, variation of a badge's colour
+_LONG = 0.05  # length of a stroke beyond the object's box, relative to the image's longer side
+_MIXED = 25.0  # 0..255, distance of a stroke's edge from the mixtures of its colour and white
+_BADGE = 0.01, 0.5  # area of a badge, relative to the foreground's
+_WHOLE_SHAPE = 0.95  # overlap with a disc or an upright rectangle; the object's flat sides have other outlines
+_ROUND = 0.8  # width of a disc relative to its height, or the other way around
+_BESIDE_BACKGROUND = 0.25  # fraction of a badge's outline, at least; the object's sides have soft edges
+_INKED = 0.5  # fraction of a badge without its letters, at least; rings have less
+_RIM = 3  # px around a badge whose colours are mixed
+_TYRE = 40.0  # CIE lightness of the lightest tyre: a grey disc, too
 _LETTER = 1e-4  # area of a letter relative to the object's
 
 
@@ -45,7 +56,8 @@ def find_marks(
     """Return the marks in the foreground of an RGB image with a plain background; None without pieces apart.
 
     Pieces apart from the object are marks if they are outside its box, not salient, or a watermark. Beside them, lines
-    and letters that touch the object are marks if they are not salient or belong to the watermark.
+    and letters that touch the object are marks if they are not salient or belong to the watermark. None, too, if no
+    object would be left.
     """
     pieces = _find_pieces(foreground)
     if pieces.areas[pieces.apart].sum() <= _SPECKS * pieces.areas.max():
@@ -59,7 +71,79 @@ def find_marks(
     marks = pieces.apart & ~(inside & (pieces.fraction(salient) > 0.5))
     marks |= pieces.small & (pieces.fraction(watermark) > 0.5)
     thin = foreground & ~_opened(foreground, max(1, round(_STROKE * max(image.size))))
-    return marks[pieces.numbers] | (thin & (watermark | ~salient))
+    mask = marks[pieces.numbers] | (thin & (watermark | ~salient))
+    return mask if (foreground & ~mask).any() else None
+
+
+def find_badges(image: Image.Image, foreground: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
+    """Return the discs and upright rectangles of one colour that touch the object of an RGB image.
+
+    As they are printed over the object, their outlines are whole.
+    """
+    import cv2  # imports in 0.2 s, and many images do not need it
+
+    colours = np.asarray(image)
+    element = np.ones((3, 3), np.uint8)
+    spread = (cv2.dilate(colours, element) - cv2.erode(colours, element)).max(-1)
+    regions, count = label(foreground & (spread <= _FLAT))
+    areas = np.bincount(regions.ravel(), minlength=count + 1) / foreground.sum()
+    pieces, _ = label(foreground, np.ones((3, 3)))
+    badges = np.zeros_like(foreground)
+    for number, window in enumerate(find_objects(regions), 1):
+        region = regions[window] == number
+        if _BADGE[0] < areas[number] < _BADGE[1] and _is_badge(region, colours[window]):
+            shape = np.zeros_like(foreground)
+            shape[window] = binary_fill_holes(region)
+            grown = binary_dilation(shape, iterations=_RIM)
+            touches = ((pieces == pieces[shape & foreground].max()) & ~grown).any()
+            if touches and (grown & ~foreground).sum() > _BESIDE_BACKGROUND * (grown & ~shape).sum():
+                badges |= grown
+    return badges
+
+
+def find_strokes(
+    image: Image.Image, foreground: Bool[np.ndarray, "height width"], box: Box
+) -> Bool[np.ndarray, "height width"]:
+    """Return the lines of the foreground that leave the detected object's box, such as rings and arrows."""
+    thin = foreground & ~_opened(foreground, max(1, round(_STROKE * max(image.size))))
+    beyond, _ = label(thin & ~filled(box, image), np.ones((3, 3)))
+    colours = np.asarray(image, np.float32)
+    strokes = np.zeros_like(foreground)
+    lines, _ = label(thin, np.ones((3, 3)))
+    for number, (rows, columns) in enumerate(find_objects(beyond), 1):
+        if max(rows.stop - rows.start, columns.stop - columns.start) > _LONG * max(image.size):
+            line = beyond == number
+            joined = np.isin(lines, np.unique(lines[line]))
+            strokes |= joined & _is_mixture(colours, np.median(colours[line], axis=0))
+    return binary_dilation(strokes)
+
+
+def _is_mixture(
+    colours: Float[np.ndarray, "height width 3"], ink: Float[np.ndarray, "3"]
+) -> Bool[np.ndarray, "height width"]:
+    """Mark the pixels whose colours (0..255) are mixtures of an ink and white."""
+    across = ink - 255
+    amount = ((colours - 255) @ across / max(float(across @ across), 1.0)).clip(0, 1)
+    return np.linalg.norm(colours - 255 - amount[..., None] * across, axis=-1) < _MIXED
+
+
+def _is_badge(region: Bool[np.ndarray, "rows columns"], colours: UInt8[np.ndarray, "rows columns 3"]) -> bool:
+    """True for a region that fills its bounding box, or an ellipse there, with one colour that no tyre has."""
+    colour = np.median(colours[region], axis=0)
+    if np.quantile(np.abs(colours[region] - colour).max(-1), 0.95) > _FLAT:
+        return False
+    shape = binary_fill_holes(region)
+    if region.sum() < _INKED * shape.sum():
+        return False
+    height, width = shape.shape
+    if shape.mean() > _WHOLE_SHAPE:
+        return True
+    y, x = (np.mgrid[:height, :width] + 0.5) / np.array([height, width])[:, None, None] - 0.5
+    disc = x * x + y * y < 0.25
+    lightness, *chroma = rgb2lab(colour / 255)
+    tyre = lightness < _TYRE and np.hypot(*chroma) < _GREY
+    like_disc = (shape & disc).sum() / (shape | disc).sum()
+    return bool(like_disc > _WHOLE_SHAPE and min(height, width) > _ROUND * max(height, width) and not tyre)
 
 
 def _find_pieces(foreground: Bool[np.ndarray, "height width"]) -> _Pieces:

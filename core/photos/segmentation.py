@@ -16,6 +16,7 @@ from core.photos.candidates import (
     filled,
     mask_overlap,
     network_agreement,
+    network_candidate,
     rank_candidates,
     salient_box,
     salient_box_at,
@@ -25,7 +26,7 @@ from core.photos.decode import NOTE, lens_focal, on_white
 from core.photos.detector import UNDETECTED, Box, Detection, box_overlap, detect, detection_of, mask_box
 from core.photos.gaps import find_gaps
 from core.photos.grabcut import grabcut
-from core.photos.marks import find_marks
+from core.photos.marks import SHOP_SIDE, find_badges, find_marks, find_strokes
 from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background, is_compact
 from core.photos.reflection import above_reflection
 
@@ -44,7 +45,9 @@ _THRESHOLD = 0.5  # opacity from which a pixel belongs to the object
 _WHOLE_EDGE = 0.97  # fraction of an image's edge; an object that is cut off or trimmed covers less of three edges
 _NEARLY_ALL = 0.9  # fraction of an image; chairs and cars fill less of their bounding box
 _ODD_MASK = 0.3  # confidence of a given mask that is rather a mistake
-_LIKE_GROUND = 0.5  # confidence, at most, of a mask whose larger part looks like the ground
+_DOUBTED = 0.5  # confidence, at most, of a mask that other evidence contradicts
+_AGREED = 0.65  # overlap with the saliency network's mask below which a mask on white is doubtful
+_DETECTED = 0.72  # overlap with a detected box, likewise
 _REACH = 2.0  # a stroke affects pixels within this many brush radii
 
 
@@ -200,6 +203,8 @@ def _plain_background(rgb: Image.Image, detections: tuple[Detection, ...]) -> tu
     if plain is None or plain.mask.all():
         return plain, 1.0
     confidence = 1.0
+    graphics = _find_graphics(rgb, ~plain.mask, detections)
+    plain = plain._replace(mask=plain.mask | graphics)
     marks = find_marks(rgb, ~plain.mask, detections)
     if marks is not None:
         plain = plain._replace(mask=plain.mask | marks)
@@ -208,12 +213,38 @@ def _plain_background(rgb: Image.Image, detections: tuple[Detection, ...]) -> tu
         plain = plain._replace(mask=plain.mask | ~above)
     if marks is not None or above is not None:
         confidence = network_agreement(rgb, ~plain.mask)
+    if graphics.any() or (confidence == 1 and plain.white and _is_doubtful(rgb, ~plain.mask, detections)):
+        confidence = min(confidence, _DOUBTED)
     if not is_compact(~plain.mask):
         return None, 0.0
     ambiguous = marks is not None or not plain.white
     if detections and ambiguous and box_overlap(mask_box(~plain.mask), detections[0].box) < _SAME_BOX:
         return None, 0.0
     return _within_frame(colours, plain), confidence
+
+
+def _find_graphics(
+    rgb: Image.Image, foreground: Bool[np.ndarray, "height width"], detections: tuple[Detection, ...]
+) -> Bool[np.ndarray, "height width"]:
+    """Return badges and lines that touch the object; nothing in renders, or if they are all of the foreground."""
+    nothing = np.zeros_like(foreground)
+    if max(rgb.size) < SHOP_SIDE:
+        return nothing
+    badges = find_badges(rgb, foreground)
+    strokes = find_strokes(rgb, foreground, detections[0].box) if detections else nothing
+    graphics = badges | strokes
+    return graphics if (foreground & ~graphics).any() else nothing
+
+
+def _is_doubtful(rgb: Image.Image, mask: Bool[np.ndarray, "height width"], detections: tuple[Detection, ...]) -> bool:
+    """True if detector or saliency network see another object than a mask on white; renders are not asked."""
+    if max(rgb.size) < SHOP_SIDE:
+        return False
+    overlaps = [box_overlap(mask_box(mask), detection.box) for detection in detections]
+    if overlaps and max(overlaps) < _DETECTED:
+        return True
+    salient = network_candidate(rgb, mask_box(mask)).opacity > _THRESHOLD
+    return bool(salient.any()) and mask_overlap(mask, salient) < _AGREED
 
 
 def _within_frame(colours: Float[np.ndarray, "height width 3"], plain: PlainBackground) -> PlainBackground | None:
@@ -266,7 +297,7 @@ def _without_gaps(rgb: Image.Image, candidate: Candidate, detections: tuple[Dete
     if detection is None or detection.category != "chairs":
         return candidate
     gaps, doubtful = find_gaps(rgb, mask)
-    confidence = min(candidate.confidence, _LIKE_GROUND) if doubtful else candidate.confidence
+    confidence = min(candidate.confidence, _DOUBTED) if doubtful else candidate.confidence
     return replace(candidate, opacity=candidate.opacity * (1 - gaps), confidence=confidence)
 
 

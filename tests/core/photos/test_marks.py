@@ -77,6 +77,38 @@ def test_marks_apart_from_the_object_are_left_out(category: str, draw: Callable[
     assert cut.confidence < 1
 
 
+def round_badge(pen: ImageDraw.ImageDraw, x: int, y: int) -> None:
+    pen.ellipse((x - 50, y - 50, x + 50, y + 50), fill=(210, 30, 30))
+    pen.text((x, y), "-20%", fill="white", anchor="mm", font_size=30)
+
+
+def plate(pen: ImageDraw.ImageDraw, x: int, y: int) -> None:
+    pen.rectangle((x - 45, y - 25, x + 45, y + 25), fill=(70, 110, 60))
+    pen.text((x, y), "ECO", fill="white", anchor="mm", font_size=26)
+
+
+@pytest.mark.parametrize("draw", [round_badge, plate])
+@pytest.mark.parametrize("category", ["cars", "chairs"])
+def test_a_badge_that_touches_the_object_is_left_out_and_doubted(category: str, draw: Callable[..., None]):
+    truth = clean_cut(category).mask
+    picture = shop_picture(category).copy()
+    rows, columns = np.nonzero(truth)
+    corner = (columns - rows).argmax()
+    draw(ImageDraw.Draw(picture), int(columns[corner]) + 28, int(rows[corner]) - 15)
+    cut = cut_out(picture.convert("RGBA"))
+    assert overlap(cut, truth) > 0.95
+    assert max(cut.categories, key=cut.categories.__getitem__) == category
+    assert cut.confidence <= 0.5
+
+
+@pytest.mark.parametrize("category", ["cars", "chairs"])
+def test_a_ring_around_the_object_is_doubted(category: str):
+    picture = shop_picture(category).copy()
+    ImageDraw.Draw(picture).ellipse((105, 105, 495, 495), outline=(40, 120, 200), width=6)
+    cut = cut_out(picture.convert("RGBA"))
+    assert cut.confidence <= 0.5 or overlap(cut, clean_cut(category).mask) > 0.95
+
+
 def watermarked(picture: Image.Image) -> Image.Image:
     """A picture below translucent grey letters."""
     letters = Image.new("RGBA", (SIDE, 100))
