@@ -27,7 +27,7 @@ _LETTERS = 2  # small pieces of one light grey that make a watermark
 _FLAT = 6  # 0..255, variation of a badge's colour
 _LONG = 0.05  # length of a stroke beyond the object's box, relative to the image's longer side
 _MIXED = 25.0  # 0..255, distance of a stroke's edge from the mixtures of its colour and white
-_BADGE = 0.01, 0.5  # area of a badge, relative to the foreground's
+_BADGE = 0.01, 0.4  # area of a badge, relative to the foreground's
 _WHOLE_SHAPE = 0.95  # overlap with a disc or an upright rectangle; the object's flat sides have other outlines
 _ROUND = 0.8  # width of a disc relative to its height, or the other way around
 _BESIDE_BACKGROUND = 0.25  # fraction of a badge's outline, at least; the object's sides have soft edges
@@ -122,9 +122,9 @@ def _is_mixture(
     colours: Float[np.ndarray, "height width 3"], ink: Float[np.ndarray, "3"]
 ) -> Bool[np.ndarray, "height width"]:
     """Mark the pixels whose colours (0..255) are mixtures of an ink and white."""
-    across = ink - 255
-    amount = ((colours - 255) @ across / max(float(across @ across), 1.0)).clip(0, 1)
-    return np.linalg.norm(colours - 255 - amount[..., None] * across, axis=-1) < _MIXED
+    from_white = ink - 255
+    amount = ((colours - 255) @ from_white / max(float(from_white @ from_white), 1.0)).clip(0, 1)
+    return np.linalg.norm(colours - 255 - amount[..., None] * from_white, axis=-1) < _MIXED
 
 
 def _is_badge(region: Bool[np.ndarray, "rows columns"], colours: UInt8[np.ndarray, "rows columns 3"]) -> bool:

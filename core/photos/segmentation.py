@@ -45,6 +45,7 @@ _THRESHOLD = 0.5  # opacity from which a pixel belongs to the object
 _WHOLE_EDGE = 0.97  # fraction of an image's edge; an object that is cut off or trimmed covers less of three edges
 _NEARLY_ALL = 0.9  # fraction of an image; chairs and cars fill less of their bounding box
 _ODD_MASK = 0.3  # confidence of a given mask that is rather a mistake
+_GRAPHICS = 0.5  # area of badges and lines, relative to the foreground's, from which they are rather the object
 _DOUBTED = 0.5  # confidence, at most, of a mask that other evidence contradicts
 _AGREED = 0.65  # overlap with the saliency network's mask below which a mask on white is doubtful
 _DETECTED = 0.72  # overlap with a detected box, likewise
@@ -226,14 +227,14 @@ def _plain_background(rgb: Image.Image, detections: tuple[Detection, ...]) -> tu
 def _find_graphics(
     rgb: Image.Image, foreground: Bool[np.ndarray, "height width"], detections: tuple[Detection, ...]
 ) -> Bool[np.ndarray, "height width"]:
-    """Return badges and lines that touch the object; nothing in renders, or if they are all of the foreground."""
+    """Return badges and lines that touch the object; nothing in renders, or if they are most of the foreground."""
     nothing = np.zeros_like(foreground)
     if max(rgb.size) < SHOP_SIDE:
         return nothing
     badges = find_badges(rgb, foreground)
     strokes = find_strokes(rgb, foreground, detections[0].box) if detections else nothing
     graphics = badges | strokes
-    return graphics if (foreground & ~graphics).any() else nothing
+    return graphics if (foreground & graphics).sum() < _GRAPHICS * foreground.sum() else nothing
 
 
 def _is_doubtful(rgb: Image.Image, mask: Bool[np.ndarray, "height width"], detections: tuple[Detection, ...]) -> bool:
