@@ -74,13 +74,12 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("sample", "Random", "R", "a random shape and texture, except what is locked"),
         Action("reset", "Reset", "", "the object without its edits"),
         Gesture("Lock", "protect shape or texture from changes"),
-        Gesture("Hover over a slider", "see the result, the pixels that change, and whether the outline moves"),
+        Gesture("Hover over a slider", "see the result, and the pixels that change"),
         Gesture(
             "Size",
             "drag or type width, depth, height, legs or roof in cm; a button shows a box to drag",
         ),
         Gesture("Ctrl+click", "type a value"),
-        Gesture("Right click", "set the middle of the direction"),
     ),
     "History": (
         Gesture("Click a thumbnail", "go to that state; turning the view there keeps the later ones"),

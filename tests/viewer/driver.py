@@ -49,6 +49,12 @@ def in_window(
     return decorate
 
 
+def tooltip(window: "Driver") -> imgui.internal.Window | None:
+    """Return the tooltip on screen, if any."""
+    box = window.ctx.window_info("//##Tooltip_00", imgui.test_engine.TestOpFlags_.no_error).window
+    return box if box is not None and box.active and not box.hidden else None
+
+
 _RASTERIZER_DISCARD = 0x8C89
 """of OpenGL: everything is drawn but no pixel is coloured"""
 

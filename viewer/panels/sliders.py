@@ -2,6 +2,7 @@
 
 from functools import lru_cache
 
+import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.detail.progressive import Frame
@@ -13,9 +14,9 @@ from viewer.activities.thumbnails import SIZE
 from viewer.context import Panel, PanelContext
 from viewer.values import orbit
 from viewer.values.direction import Direction
-from viewer.values.influence import CodeInfluence
+from viewer.values.influence import influence
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import action_button, begin_tooltip_beside, button, end_gesture, flow
+from viewer.widgets.controls import action_button, begin_tooltip_at, button, end_gesture, flow, is_pointed_at
 from viewer.widgets.size_row import draw_size
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 
@@ -24,8 +25,7 @@ _RESET = icons_fontawesome_4.ICON_FA_UNDO
 _LOCKS = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
 _PREVIEWS = (0.0, 0.5, 1.0)  # places along a slider
 _INFLUENCE = 96  # px, side of the compared renders
-_influence = lru_cache(1)(CodeInfluence.between)  # of the two ends of a slider
-_HELP = "Ctrl+click to type, right click for the middle"
+_influence = lru_cache(1)(influence)  # of the two ends of a slider
 
 
 class SlidersPanel(Panel):
@@ -36,7 +36,7 @@ class SlidersPanel(Panel):
 
     def __init__(self) -> None:
         self._basis: Instance | None = None  # base of the thumbnails: the object before the drag began
-        self.influence: CodeInfluence | None = None  # the newest, of a slider under the mouse
+        self.influence: np.ndarray | None = None  # the newest overlay, of a slider under the mouse
 
     def draw(self, context: PanelContext) -> None:
         """Draw the buttons (random, reset, locks), the size, then the sliders."""
@@ -83,28 +83,21 @@ class SlidersPanel(Panel):
         if moved and abs(to - value) > 1e-6:
             context.session.reshaping.follow(key, direction.moved, to)
         end_gesture(context)
-        if imgui.is_item_clicked(imgui.MouseButton_.right):
-            editor.move_along(direction, (low + high) / 2)
-        if imgui.is_item_hovered() and not imgui.is_item_active():
-            outline = self._show_influence(context, direction)
-            if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip) and begin_tooltip_beside():
+        if is_pointed_at():
+            self._show_influence(context, direction)
+            if is_pointed_at(imgui.HoveredFlags_.for_tooltip) and begin_tooltip_at(corner):
                 self._draw_strip(context, direction)
-                imgui.text(f"{ends[0].capitalize()} to the left, {ends[1]} to the right{outline}")
-                imgui.text_disabled(f"Now {value:+.2f} σ, from {low:+.2f} to {high:+.2f}. {_HELP}")
                 imgui.end_tooltip()
 
-    def _show_influence(self, context: PanelContext, direction: Direction) -> str:
-        """Overlay the object with the influence of the slider's ends; describe it in words."""
+    def _show_influence(self, context: PanelContext, direction: Direction) -> None:
+        """Overlay the object with the influence of the slider's ends."""
         editor = context.session.editor
         camera = editor.scene.camera.resized(_INFLUENCE, _INFLUENCE)
         instance = editor.scene.instance
         low, high = (_preview(context, direction, instance, to, camera) for to in direction.reach(instance))
-        if low is None or high is None:
-            return ""
-        self.influence = _influence(low, high)
-        context.hints.overlay = self.influence.image
-        moves = "moves" if self.influence.leak > 0 else "stays, exactly"
-        return f"\nThe glow over the object shows where. Its outline {moves}."
+        if low is not None and high is not None:
+            self.influence = _influence(low, high)
+            context.hints.overlay = self.influence
 
     def _draw_strip(self, context: PanelContext, direction: Direction) -> None:
         """Draw the object at a few positions of a slider."""

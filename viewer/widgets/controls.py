@@ -12,7 +12,6 @@ from viewer.values.duration import duration
 from viewer.values.printable import as_label, printable
 
 T = TypeVar("T")
-MESSAGES = "Messages"  # name of the window of messages, which no tooltip covers
 OVERLAY_FLAGS = (
     imgui.WindowFlags_.no_decoration
     | imgui.WindowFlags_.always_auto_resize
@@ -23,15 +22,15 @@ OVERLAY_FLAGS = (
     | imgui.WindowFlags_.no_move
 )  # of a small, fixed window over the view
 
-_LINE, _ROOM = 40, 5  # em, the longest line of a tooltip, and least room above an item for a tooltip
+_LINE, _ROOM = 40, 7  # em, the longest line of a tooltip, and least room above an item for a tooltip
 
 
 def tooltip(text: str, above: bool = True) -> None:
-    """Add a tooltip, if there is text, to imgui's last item, hidden while the item is dragged.
+    """Add a tooltip, if there is text, to imgui's last item, hidden once the item is pressed until the mouse left it.
 
     It is above the item, where there is room, so that what follows stays in sight.
     """
-    if not text or imgui.is_item_active() or not imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
+    if not text or not is_pointed_at(imgui.HoveredFlags_.for_tooltip):
         return
     screen = imgui.get_main_viewport().size
     top = imgui.get_item_rect_min().y - hello_imgui.em_size(0.3)
@@ -39,37 +38,25 @@ def tooltip(text: str, above: bool = True) -> None:
         mouse = imgui.get_mouse_pos().x
         imgui.set_next_window_pos(ImVec2(mouse, top), imgui.Cond_.always, (mouse / screen.x, 1))  # within the screen
     if imgui.begin_tooltip():
-        _keep_off_messages()
         imgui.push_text_wrap_pos(min(hello_imgui.em_size(_LINE), 0.9 * screen.x))
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
 
 
-def begin_tooltip_beside() -> bool:
-    """Begin a tooltip at the left of the panel, without covering it; if True, call imgui's ``end_tooltip``."""
-    position = ImVec2(imgui.get_window_pos().x - hello_imgui.em_size(), imgui.get_item_rect_min().y)
-    imgui.set_next_window_pos(position, imgui.Cond_.always, (1, 0))
-    is_open = imgui.begin_tooltip()
-    if is_open:
-        _keep_off_messages()
-    return is_open
+def is_pointed_at(flags: int = 0) -> bool:
+    """Return whether the mouse is over imgui's last item, and has not pressed it since it came there."""
+    gui = imgui.get_current_context()
+    was_active = gui.hovered_id_not_active_timer < gui.hovered_id_timer
+    return imgui.is_item_hovered(flags) and not (imgui.is_item_active() or was_active)
 
 
-def _keep_off_messages() -> None:
-    """Move imgui's current window, a tooltip, above the messages if it would cover them, or beside them."""
-    messages = imgui.internal.find_window_by_name(MESSAGES)
-    if messages is None or not messages.was_active or messages.hidden:
-        return
-    low = imgui.get_window_pos()
-    size = imgui.get_window_size()
-    top = messages.pos
-    end = messages.pos + messages.size
-    if low.x >= end.x or low.y >= end.y or low.x + size.x <= top.x or low.y + size.y <= top.y:
-        return
-    gap = hello_imgui.em_size(0.3)
-    above = top.y - size.y - gap
-    imgui.set_window_pos(ImVec2(low.x, above) if above >= 0 else ImVec2(max(0.0, top.x - size.x - gap), low.y))
+def begin_tooltip_at(top: ImVec2) -> bool:
+    """Begin a tooltip above a place or, without room, below imgui's last item; if True, call ``end_tooltip``."""
+    is_above = top.y > hello_imgui.em_size(_ROOM)
+    place = top if is_above else ImVec2(top.x, imgui.get_item_rect_max().y)
+    imgui.set_next_window_pos(place, imgui.Cond_.always, (0, 1 if is_above else 0))
+    return imgui.begin_tooltip()
 
 
 def begin_dialog(title: str) -> tuple[bool, bool]:
