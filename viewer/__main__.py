@@ -62,12 +62,12 @@ def _run(args: argparse.Namespace, folder: Path | None = None, instance: SingleI
         # Imported late, so that `--help`, a wrong argument and the splash appear before torch is loaded.
         from viewer.app import App
         from viewer.screenshot import Screenshot
-        from viewer.services.messages import Button, MessageKind
+        from viewer.services.messages import OK, MessageKind
 
         app = App(session, args.size, folder, headless, instance=instance)
         if folder and is_temporary(folder):
             text = f"No home folder takes files: this session is kept in {folder}"
-            session.messages.notify(text, MessageKind.NOTE, buttons=(Button("OK", lambda: None),))
+            session.messages.notify(text, MessageKind.NOTE, buttons=OK)
         if args.model:
             session.show_model(_found_again(args.model))
         if args.image:

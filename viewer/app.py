@@ -15,7 +15,7 @@ from viewer.context import Panel, PanelContext
 from viewer.panels import all_panels, menu
 from viewer.panels.help import Help
 from viewer.panels.history import HistoryStrip
-from viewer.panels.messages import MessageColumn
+from viewer.panels.messages import MessageLine
 from viewer.panels.segmenting import SegmentingDialog
 from viewer.panels.share import ShareDialog
 from viewer.screen import fonts, theme, window
@@ -79,7 +79,8 @@ class App:
         self._saved_preferences = self.context.preferences
         self._segmenting = SegmentingDialog()
         self._share = ShareDialog()
-        self._overlays = {"messages": MessageColumn().draw, "history": HistoryStrip().draw, "help": Help().draw}
+        self._overlays = {"history": HistoryStrip().draw, "help": Help().draw}
+        self._message = MessageLine()
         self._folded: list[Panel] = []  # panels that were shown before the view was shown alone
         self._reported: dict[str, str] = {}  # errors of callbacks that failed in the last frame
         self.each_frame: Callable[[], None] = lambda: None
@@ -335,7 +336,7 @@ class App:
         return _RATE_BESIDE_WORKER if time.monotonic() - self._touched < _TOUCHED else _RATE_OF_PROGRESS
 
     def _draw_menus(self) -> None:
-        self._guard("The menu failed", lambda: menu.draw(self.context))
+        self._guard("The menu failed", lambda: menu.draw(self.context, self._message.draw))
 
     def _draw(self) -> None:
         """Run pressed keys, and draw everything that is not docked."""

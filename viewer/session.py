@@ -29,7 +29,7 @@ from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.jobs import Jobs
-from viewer.services.messages import Button, MessageKind, Messages
+from viewer.services.messages import OK, Button, MessageKind, Messages
 from viewer.services.photo_thumbnails import PhotoThumbnails
 from viewer.services.worker import Job, Worker
 from viewer.store.files import read_project
@@ -161,7 +161,6 @@ class Session:
             self.models.add(name, model)
             self._add_models()
             show() if show else self.show_model(name)
-            self.messages.notify(f"Opened {Path(name).name}")
 
         self.jobs.submit(
             Job(f"model {name}", lambda: (load(name),), loaded, self.jobs.reporting("Cannot open the model"))
@@ -207,7 +206,7 @@ class Session:
         editor = self.editor
         editor.remove(*names)
         for name in names:
-            self.fitting.results.unseen.pop(name, None)
+            self.fitting.results.unseen.discard(name)
         after = editor.history
 
         def undo() -> None:
@@ -217,7 +216,7 @@ class Session:
             return self.editor is editor and editor.objects.removed.issuperset(names)
 
         label = self.names.label(names[0])
-        self.messages.notify(f"Removed {label}", buttons=(Button("Undo", undo),), relevant=relevant, passing=True)
+        self.messages.notify(f"Removed {label}", buttons=(Button("Undo", undo),), relevant=relevant)
 
     def _new_pictures(self) -> Callable[[], Mapping[str, Pixels]] | None:
         """Return a function that makes the last images of view and tiles; None if they are stored or not finished."""
@@ -285,7 +284,6 @@ class Session:
             self.messages.report("Cannot open the scene", error)
         else:
             self.editor.add_and_show(EditableObject(printable(path.stem), scene.instance), scene.camera)
-            self.messages.notify(f"Opened {path.name}")
 
     def project(self) -> Project:
         """Return everything that was made as a project."""
@@ -328,13 +326,12 @@ class Session:
         instances = [state.scene.instance for state, _ in project.history.steps.values()]
         instances += [added.instance for added in project.objects]
         models = dict.fromkeys(instance.fingerprint for instance in instances if instance.is_missing)
-        dismiss = (Button("OK", lambda: None),)
         for name in dict.fromkeys(self.model_name(model) for model in models):
             text = f"Not there: {name}. What was made with it waits in Mine; click its grey tile to find the file"
-            self.messages.notify(text, MessageKind.NOTE, buttons=dismiss)
+            self.messages.notify(text, MessageKind.NOTE, buttons=OK)
         if project.lost:
             text = "Parts of it cannot be read: the rest is open"
-            self.messages.notify(text, MessageKind.NOTE, buttons=dismiss, detail="; ".join(project.lost[:3]))
+            self.messages.notify(text, MessageKind.NOTE, buttons=OK, detail="; ".join(project.lost[:3]))
 
     def model_name(self, fingerprint: str) -> str:
         """Return the file name of a model that may be missing."""
@@ -363,12 +360,10 @@ class Session:
         else:
             self._replace(project, path.parent)
             self.project_path = None if project.lost else path
-            self.messages.notify(f"Opened {path.name}")
 
     def open_earlier(self, session: Earlier) -> None:
         """Replace everything by a session that was replaced before."""
         self._replace(self.store.session(session.number, self.editor.state))
-        self.messages.notify(f"Opened the session of {session.name}")
 
     def new(self) -> None:
         """Begin a new project, in which fitted objects stay; the old one becomes an earlier session."""

@@ -1,6 +1,5 @@
 """Sessions and windows to test; a tiny model."""
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -31,7 +30,6 @@ from tests.viewer.stand_ins import (
 from viewer.app import App
 from viewer.editor import Editor
 from viewer.screen import window
-from viewer.services import messages
 from viewer.services.backend import Backend
 from viewer.services.single_instance import SingleInstance
 from viewer.services.worker import Worker
@@ -118,13 +116,6 @@ def session(worker: Worker, backend: Backend) -> Session:
 def editor(session: Session) -> Editor:
     """Of the model that is open."""
     return session.editor
-
-
-@pytest.fixture
-def lasting_messages(monkeypatch: pytest.MonkeyPatch) -> None:
-    """None goes by itself: on a busy machine seconds pass between its coming and a click on it."""
-    for seconds in ("_SHORT", "_LONG"):
-        monkeypatch.setattr(messages, seconds, math.inf)
 
 
 @pytest.fixture

@@ -89,7 +89,6 @@ def test_a_session_goes_on_at_the_next_launch(drive: Drive, photo: Path, tmp_pat
     drive(second, folder=folder)
 
 
-@pytest.mark.usefixtures("lasting_messages")
 def test_a_session_that_ended_badly_in_a_fit_goes_on(drive: Drive, backend: Backend, photo: Path, tmp_path: Path):
     folder = tmp_path / "config"
 
@@ -108,7 +107,7 @@ def test_a_session_that_ended_badly_in_a_fit_goes_on(drive: Drive, backend: Back
         assert window.session.messages.errors == []
         assert editor.history == made[0]
         assert editor.objects.own[0] == "block"
-        window.click(f"Messages/###show {len(window.session.messages.shown) - 1}")
+        window.click("Library/**/show block")
         assert editor.state.mix.a.shape == "block"
         window.undo()
         assert editor.history.now == made[0].now
@@ -314,7 +313,6 @@ def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(driv
         context.set_preference(text=2.0)
         context.session.messages.report("Cannot open this", ValueError("a reason of many words"))
         look(window)
-        window.click("Messages/###dismiss 0")
         for kind in KINDS:
             context.share(kind)
             look(window)

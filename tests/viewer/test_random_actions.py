@@ -249,7 +249,7 @@ class Person:
             self._choose(name, "###remove object")
 
     def press_message(self) -> None:
-        buttons = [f"Messages/###{label} {number}" for label in ("undo", "show", "dismiss") for number in range(5)]
+        buttons = [f"##MainMenuBar/**/###{label}" for label in ("undo", "show", "ok", "dismiss")]
         if visible := [name for name in buttons if self._place(name)]:
             self._click(self.random.choice(visible))
 

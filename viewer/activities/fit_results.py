@@ -4,7 +4,6 @@ from core.geometry.camera import Camera
 from core.metrics import rotation_error
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
-from viewer.services.messages import Button, Messages
 from viewer.values import orbit
 from viewer.values.fit_history import Ready
 from viewer.values.objects import EditableObject
@@ -15,12 +14,11 @@ _ANOTHER_VIEWPOINT = 10.0  # degrees between cameras that show different sides
 class FitResults:
     """Adds results to the objects, and shows them unless a person is editing something else."""
 
-    def __init__(self, editor: Editor, viewport: Viewport, messages: Messages) -> None:
+    def __init__(self, editor: Editor, viewport: Viewport) -> None:
         self._editor = editor
         self._viewport = viewport
-        self._messages = messages
         self.checking: Ready | None = None  # preliminary result of the current fit, checked by a second search
-        self.unseen: dict[str, Camera] = {}  # photos' cameras of results that were not shown yet, by name
+        self.unseen: set[str] = set()  # names of results that were not shown yet
         editor.scene_changed.connect(self._forget_seen)
 
     def add(self, fitted: EditableObject, camera: Camera) -> Ready:
@@ -36,7 +34,7 @@ class FitResults:
                 self._viewport.frame_result()
             return Ready(name, camera)
         name = self._editor.objects.add(fitted)
-        self.unseen[name] = camera
+        self.unseen.add(name)
         return Ready(name, camera)
 
     def improve(self, handed: Ready, better: EditableObject, camera: Camera) -> bool:
@@ -49,30 +47,18 @@ class FitResults:
         if on_screen and differs and not turned:
             self._viewport.frame_result()
         if differs and not on_screen and name not in self._editor.objects.removed:
-            self.unseen[name] = camera
+            self.unseen.add(name)
         return rotation_error(handed.camera, camera) > _ANOTHER_VIEWPOINT
-
-    def show(self, name: str) -> None:
-        """Show a result that was not shown yet."""
-        if camera := self.unseen.pop(name, None):
-            self._editor.show_added(name, camera)
-            self._viewport.frame_result()
-
-    def notify(self, text: str, ready: Ready) -> None:
-        """Report a result, with a button to show it if something else is being edited."""
-        show = Button("Show", lambda: self.show(ready.name), ready.name)
-        buttons = (show,) if ready.name in self.unseen else ()
-        self._messages.notify(text, buttons=buttons, relevant=lambda: not buttons or ready.name in self.unseen)
 
     def rename(self, name: str, to: str) -> None:
         """Follow the renaming of a result."""
         if name in self.unseen:
-            self.unseen[to] = self.unseen.pop(name)
+            self.unseen ^= {name, to}
         if self.checking and self.checking.name == name:
             self.checking = Ready(to, self.checking.camera)
 
     def _forget_seen(self) -> None:
         instance = self._editor.scene.instance
         objects = self._editor.objects
-        for name in [name for name in self.unseen if objects[name].original == instance or name in objects.removed]:
-            del self.unseen[name]
+        gone = {name for name in self.unseen if objects[name].original == instance or name in objects.removed}
+        self.unseen -= gone

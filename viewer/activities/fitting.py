@@ -42,7 +42,7 @@ class Fitting:
         self.options = options
         self._copies = store.copies  # of photos, which may wait longer than their files exist
         self.view = FitView(editor, viewport, jobs.models, store.fit)
-        self.results = FitResults(editor, viewport, jobs.messages)
+        self.results = FitResults(editor, viewport)
         self.request: FitRequest | None = None  # the running fit's
         self._closed = False  # buttons of messages outlive the session
         self._waiting = FitQueue()
@@ -324,7 +324,7 @@ class Fitting:
             if self.history.steps:
                 *before, last = self.history.steps
                 self.view.history = replace(self.history, steps=(*before, self._with_detail(last)))
-            self._finish("Stopped after")
+            self._finish()
             self._next()
 
     def forget(self, sources: tuple[PhotoSource, ...]) -> None:
@@ -352,7 +352,6 @@ class Fitting:
             self._run(request)
             return
         self._waiting = self._waiting.joined(FitQueue((request,)))
-        self._jobs.messages.notify(f"{request.history.name} waits for the photo before it", MessageKind.NOTE)
 
     def _next(self) -> None:
         """Run the next request without following it: a person may be editing the last result."""
@@ -432,7 +431,7 @@ class Fitting:
         self._next()
 
     def _ended(self, error: Exception | None) -> None:
-        self._fail(error) if error else self._finish("Fitted in")
+        self._fail(error) if error else self._finish()
         self._next()
 
     def _fail(self, error: Exception) -> None:
@@ -449,19 +448,17 @@ class Fitting:
         if not is_usable:
             self.view.show(self._before)
 
-    def _finish(self, how: str) -> None:
+    def _finish(self) -> None:
         last = self.history.last
         checking = self.results.checking
         if last is None:
             self._jobs.messages.notify("Stopped before there was a result", MessageKind.NOTE)
         elif checking:
             self._keep(checking.name)
-            better = self.results.improve(checking, self._fitted(last), self.view.camera_of(last))
-            verdict = "a better viewpoint was found" if better else "the viewpoint stays"
-            self.results.notify(f"{checking.name} was checked from other sides: {verdict}", checking)
+            if self.results.improve(checking, self._fitted(last), self.view.camera_of(last)):
+                self._jobs.messages.notify(f"{checking.name}: a better viewpoint was found")
         else:
-            ready = self._add(last)
-            self.results.notify(f"{how} {last.seconds:.0f} s: {ready.name}", ready)
+            self._add(last)
             self._offer_left_out(tuple(self.history.sources[number] for number in last.left_out))
         self.request = self.results.checking = None
         self._viewport.unfollow()
@@ -475,9 +472,8 @@ class Fitting:
 
     def _hand_over(self, first: FitStep) -> None:
         """Add the first search's result while a second search checks it."""
-        ready = self.results.checking = self._add(first)
+        self.results.checking = self._add(first)
         self._viewport.unfollow()
-        self.results.notify(f"{ready.name} can be used; it is being checked from other sides", ready)
 
     def _add(self, step: FitStep) -> Ready:
         """Add a step's result to the objects, and keep its fit."""

@@ -4,7 +4,7 @@ import operator
 import time
 from collections.abc import Callable, Mapping
 
-from viewer.services.messages import Button, MessageKind, Messages
+from viewer.services.messages import OK, MessageKind, Messages
 from viewer.store.pictures import Pixels
 from viewer.store.store import Store
 from viewer.values.project import Project
@@ -89,5 +89,4 @@ class Recording:
             self._written = ()
             self._failed = True
         while self._store.notes:
-            dismiss = (Button("OK", lambda: None),)  # until it is read
-            self._messages.notify(self._store.notes.pop(0), MessageKind.NOTE, buttons=dismiss)
+            self._messages.notify(self._store.notes.pop(0), MessageKind.NOTE, buttons=OK)

@@ -10,14 +10,22 @@ from viewer.context import PanelContext
 from viewer.values.printable import as_label, printable
 from viewer.widgets.controls import draw_progress, tooltip
 
-_EXPORT, _BAR = 19, 6  # em: width of an export's bar with its button, and of the bar of other progress
+_EXPORT = 19  # em, width of an export's bar with its button
+_GAP = 1.5  # em between menus, message and the export's bar
 
 
-def draw(context: PanelContext) -> None:
-    """Draw the menus and, on the right, progress."""
+def draw(context: PanelContext, draw_message: Callable[[PanelContext, float], None]) -> None:
+    """Draw the menus, a message on the px that are left and, on the right, the progress of an export."""
     for title, entries in MENUS.items():
         _menu(context, title, entries)
-    _draw_status(context)
+    em = hello_imgui.em_size()
+    exporting = _EXPORT * em if context.session.exporting.running else 0.0
+    imgui.same_line(0, _GAP * em)
+    end = imgui.get_window_width() - exporting - _GAP * em
+    draw_message(context, end - imgui.get_cursor_pos_x())
+    if exporting:
+        imgui.same_line(max(end, imgui.get_cursor_pos_x()))
+        draw_progress(context, width=_EXPORT)
 
 
 def _menu(context: PanelContext, title: str, entries: tuple[str | Callable[[PanelContext], None] | None, ...]) -> None:
@@ -67,27 +75,6 @@ def _draw_earlier(context: PanelContext) -> None:
     for number, session in enumerate(context.session.store.earlier):
         if imgui.menu_item_simple(f"Session of {session.name}###earlier {number + 1}"):
             context.session.open_earlier(session)
-
-
-def _draw_status(context: PanelContext) -> None:
-    """Draw on the right the current export, and a thin bar of a fit."""
-    session = context.session
-    em = hello_imgui.em_size()
-    exporting = _EXPORT * em if session.exporting.running else 0.0
-    bar = _BAR * em if session.fitting.running else 0.0
-    imgui.same_line()
-    width = exporting + bar + 2 * em
-    if imgui.get_content_region_avail().x < width:  # it would cover the menus
-        bar = 0.0
-        width = min(imgui.get_content_region_avail().x, exporting + 2 * em)
-    imgui.same_line(imgui.get_window_width() - width)
-    if exporting:
-        draw_progress(context, width=_EXPORT)
-        imgui.same_line()
-    if bar:
-        imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() + imgui.get_frame_height() / 2 - 0.15 * em)
-        imgui.progress_bar(session.fitting.history.progress, (bar, 0.3 * em), "")
-        tooltip("A photo is being fitted")
 
 
 MENUS: dict[str, tuple[str | Callable[[PanelContext], None] | None, ...]] = {

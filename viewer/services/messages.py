@@ -16,9 +16,7 @@ import torch
 from core.runtime.reading import shortened
 from viewer.values.printable import printable
 
-_MAX_OLDER = 3  # older messages kept beside a new one
-_MAX_ERRORS, _MAX_OFFERS = 2, 3  # shown at a time
-_SHORT, _LONG = 5.0, 10.0  # s on screen: messages of success; notes and problems
+_SHOWN = 8.0  # s on screen of a message without buttons
 _LONGEST = 400  # characters of a message
 _LOGGED = 500  # messages kept in the log
 _NO_MEMORY = "can't allocate memory"  # part of torch's RuntimeError when memory is exhausted
@@ -32,7 +30,7 @@ class MessageKind(Enum):
 
     DONE = "done"  # success
     NOTE = "note"  # to be read
-    PROBLEM = "problem"  # an error, kept until dismissed
+    PROBLEM = "problem"  # an error
 
 
 class Button(NamedTuple):
@@ -41,6 +39,9 @@ class Button(NamedTuple):
     label: str
     press: Callable[[], None]
     subject: str = ""  # name of the object it is about, shown after the label
+
+
+OK = (Button("OK", lambda: None),)  # of a message that stays until it is read
 
 
 @dataclass(frozen=True)
@@ -52,43 +53,32 @@ class Message:
     detail: str = ""  # text of an unexpected error, for the log
     buttons: tuple[Button, ...] = ()
     relevant: Callable[[], bool] = lambda: True  # False once the message is out of date
-    passing: bool = False  # leaves the screen although it has buttons
     born: float = field(default_factory=time.monotonic)  # s on the monotonic clock, for fading
     written: datetime = field(default_factory=datetime.now)  # for the log
 
     @property
     def faded(self) -> bool:
-        """True once the message leaves the screen: out of date, or old and passing or without buttons."""
-        longest = _SHORT if self.kind is MessageKind.DONE and not self.buttons else _LONG
-        return not self.relevant() or (not self.lasts and time.monotonic() - self.born > longest)
-
-    @property
-    def lasts(self) -> bool:
-        """True if the message waits for a button to be pressed."""
-        return bool(self.buttons) and not self.passing
+        """True once the message leaves the screen: out of date, or old and without buttons."""
+        return not self.relevant() or (not self.buttons and time.monotonic() - self.born > _SHOWN)
 
 
 class Messages:
-    """The messages on screen, the newest last, and the log."""
+    """All messages of a run, of which the newest is on screen."""
 
     def __init__(self) -> None:
-        self.all: list[Message] = []
+        self.all: list[Message] = []  # those that were not dismissed, the newest last; no two are equal
         self.log: list[Message] = []  # all messages of this run, the oldest first
 
     @property
     def errors(self) -> list[str]:
-        """Texts of errors that were not dismissed, even if faded."""
+        """Texts of errors, even if faded."""
         return [message.text for message in self.all if message.kind is MessageKind.PROBLEM]
 
     @property
-    def shown(self) -> list[Message]:
-        """Messages that have not faded; of errors, and of those with buttons, only the newest; of passing ones, one."""
+    def newest(self) -> Message | None:
+        """The message on screen: the newest until it fades, then one that is still to be read."""
         due = [message for message in self.all if not message.faded]
-        errors = [message for message in due if message.kind is MessageKind.PROBLEM]
-        offers = [message for message in due if message.buttons]
-        passing = [message for message in offers if message.passing]
-        hidden = errors[:-_MAX_ERRORS] + offers[:-_MAX_OFFERS] + passing[:-1]
-        return [message for message in due if message not in hidden]
+        return next((message for message in reversed(due) if message is self.all[-1] or message.buttons == OK), None)
 
     def notify(self, text: str, kind: MessageKind = MessageKind.DONE, **more: Any) -> None:
         """Show a message, replacing an equal one; ``more`` are fields of :class:`Message`."""
@@ -96,11 +86,9 @@ class Messages:
         if "detail" in more:
             more["detail"] = printable(more["detail"])
         left = [message for message in self.all if (message.text, message.kind) != (text, kind)]
-        passing = [message for message in left if message.kind is not MessageKind.PROBLEM and not message.lasts]
-        gone = [message for message in passing if message.faded or message not in passing[-_MAX_OLDER:]]
-        newest = Message(text, kind, **more)
-        self.all = [*(message for message in left if message not in gone), newest][-_LOGGED:]
-        self.log = [*self.log, newest][-_LOGGED:]
+        message = Message(text, kind, **more)
+        self.all = [*left, message][-_LOGGED:]
+        self.log = [*self.log, message][-_LOGGED:]
 
     def report(self, what: str, error: Exception) -> None:
         """Show an error after the words ``what``; log an unexpected one with its traceback."""

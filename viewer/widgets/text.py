@@ -31,6 +31,16 @@ def push_small() -> None:
     imgui.push_font(None, SMALL * imgui.get_style().font_size_base)
 
 
+def shortened(words: str, width: float) -> str:
+    """Return text in the current font that is at most ``width`` px wide, with an ellipsis if it was longer."""
+    words = words[:_LONGEST]
+    if imgui.calc_text_size(words).x <= width:
+        return words
+    counts = range(1, len(words) + 1)
+    count = bisect_right(counts, width, key=lambda count: imgui.calc_text_size(f"{words[:count]}…").x)
+    return f"{words[:count]}…"
+
+
 def paint_caption(
     context: PanelContext, words: str, corner: ImVec2, width: float, across: float = 0.5, quiet: bool = True
 ) -> None:
@@ -41,11 +51,7 @@ def paint_caption(
         quiet: less contrast than usual text has.
     """
     push_small()
-    words = words[:_LONGEST]
-    if imgui.calc_text_size(words).x > width:
-        counts = range(1, len(words) + 1)
-        count = bisect_right(counts, width, key=lambda count: imgui.calc_text_size(f"{words[:count]}…").x)
-        words = f"{words[:count]}…"
+    words = shortened(words, width)
     low = corner + ImVec2(across * (width - imgui.calc_text_size(words).x), 0)
     colour = context.palette.quiet if quiet else context.palette.text
     imgui.get_window_draw_list().add_text(low, packed(colour), words)

@@ -137,7 +137,7 @@ def test_files_that_are_no_images_are_reported_and_change_nothing(
         finish(session, lambda: not session.fitting.running)
         assert editor.history is before
         assert session.fitting.history is history
-        assert [message.kind for message in session.messages.shown] == [MessageKind.PROBLEM], path.name
+        assert session.messages.newest.kind is MessageKind.PROBLEM, path.name
         assert "Traceback" not in session.messages.errors[0]
 
 
@@ -149,13 +149,14 @@ def test_a_photo_chosen_for_a_fit_is_not_added_to_another(session: Session, phot
     session.fitting.add_photo(first, photo)
     assert len(session.fitting.history.sources) == 1
     finish(session, lambda: not session.fitting.pending)
-    session.fitting.results.show("block (3)")
+    session.editor.show_object("block (3)")
+    session.tick()
     assert len(session.fitting.shown.sources) == 2
 
 
 def press(session: Session, label: str) -> None:
     """Press a button of the newest message."""
-    button = next(button for button in session.messages.shown[-1].buttons if button.label == label)
+    button = next(button for button in session.messages.newest.buttons if button.label == label)
     button.press()
 
 
@@ -201,7 +202,7 @@ def test_a_photo_that_was_left_out_can_be_fitted_by_itself(session: Session, pho
     session.jobs.backend = replace(session.jobs.backend, fit=leaving_out)
     fitting.start(block(photo, "a"), block(photo, "b"))
     finish(session, lambda: not fitting.pending)
-    assert session.messages.shown[-1].text == "Left out, as another object: block b.png"
+    assert session.messages.newest.text == "Left out, as another object: block b.png"
     press(session, "Fit by itself")
     finish(session, lambda: not fitting.pending)
     assert [source.path.stem for source in fitting.history.sources] == ["block b"]
@@ -225,7 +226,7 @@ def test_photos_dropped_during_a_fit_wait(session: Session, editor: Editor, phot
     assert [(request.history.name, bool(request.problem)) for request in fitting.pending] == [("text", True)]
     assert editor.state.mix.a.shape == "block"  # what is being edited stays
     assert set(fitting.results.unseen) == {"block b", "block c"}
-    fitting.results.show("block c")
+    editor.show_object("block c")
     assert editor.state.mix.a.shape == "block c"
     assert set(fitting.results.unseen) == {"block b"}
     editor.sample()
@@ -416,8 +417,7 @@ def test_a_result_does_not_replace_an_object_being_edited(session: Session, edit
     assert editor.state is before
     assert editor.objects.own[0] == "block"
     assert "block" in session.fitting.results.unseen
-    (show,) = session.messages.all[-1].buttons
-    show.press()
+    editor.show_object("block")
     assert editor.state.mix.a.shape == "block"
 
 
@@ -452,7 +452,7 @@ def test_a_better_result_waits_where_the_first_was_edited(session: Session, edit
     fit.may_end.set()
     finish(session, lambda: not session.fitting.running)
     assert editor.state is before
-    session.fitting.results.show("block")
+    editor.show_object("block")
     assert editor.scene.instance == model[4]
 
 
@@ -469,7 +469,7 @@ def test_a_first_result_that_nothing_beats_stays_as_it_is(session: Session, edit
     finish(session, lambda: not session.fitting.running)
     assert len(editor.history.past) == 1
     assert not session.fitting.results.unseen
-    assert "the viewpoint stays" in session.messages.all[-1].text
+    assert session.messages.all == []
     assert editor.objects["block"].confidence == session.fitting.history.last.confidence
 
 
@@ -500,4 +500,4 @@ def test_a_message_names_the_fitted_image_of_a_file_with_several(session: Sessio
     session.jobs.backend = replace(session.jobs.backend, frame_photo=noted)
     session.fitting.start(photo)
     finish(session, lambda: not session.fitting.running)
-    assert any("image 2 of the 3" in message.text for message in session.messages.shown)
+    assert "image 2 of the 3" in session.messages.newest.text

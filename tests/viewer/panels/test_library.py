@@ -121,9 +121,8 @@ def test_chairs_and_cars_are_one_library(window: Driver) -> None:
     assert not window.exists("Library/**/show car 2")
     window.drop("Library/**/show object 3", "Mix/slot B")
     assert editor.model is cars
-    (said,) = session.messages.shown
-    assert said.text == "A chair cannot be mixed with a car: show it to begin with it"
-    window.click("Messages/###show 0")
+    assert session.messages.newest.text == "A chair cannot be mixed with a car: show it to begin with it"
+    window.click("##MainMenuBar/**/###show")
     assert editor.model is chairs
     window.click("Library/**/show object 2", 1)
     window.click("**/Make it B")

@@ -1,72 +1,48 @@
 import json
 from dataclasses import replace
-from functools import partial
 
 import pytest
 
-from viewer.services.messages import UNFORESEEN, Button, MessageKind, Messages, error_text
+from viewer.services.messages import OK, UNFORESEEN, Button, MessageKind, Messages, error_text
 from viewer.session import Session
 
 
-def test_errors_stay_and_are_reported_once(session: Session) -> None:
-    for number in (1, 2, 2, 3, 4, 5, 6):
+def test_errors_are_listed_once_also_after_they_faded(session: Session) -> None:
+    for number in (1, 2, 2, 3):
         session.messages.notify(f"wrong {number}", MessageKind.PROBLEM)
         session.messages.notify(f"news {number}")
-    assert session.messages.errors == [f"wrong {number}" for number in range(1, 7)]
-    assert [message.text for message in session.messages.all if message.kind is MessageKind.DONE] == [
-        f"news {n}" for n in (3, 4, 5, 6)
-    ]
+    assert session.messages.errors == ["wrong 1", "wrong 2", "wrong 3"]
+    assert len(session.messages.log) == 8
 
 
-def test_at_most_two_errors_are_shown_and_they_go_by_themselves() -> None:
+@pytest.mark.parametrize("kind", MessageKind)
+def test_the_newest_message_fades_after_eight_seconds(kind: MessageKind) -> None:
     messages = Messages()
-    for number in range(4):
-        messages.notify(f"wrong {number}", MessageKind.PROBLEM)
-    assert [message.text for message in messages.shown] == ["wrong 2", "wrong 3"]
-    messages.all = [replace(message, born=message.born - 60) for message in messages.all]
-    assert messages.shown == []
-    assert len(messages.errors) == len(messages.log) == 4
+    messages.notify("old news")
+    messages.notify("news", kind)
+    assert messages.newest is not None and messages.newest.text == "news"
+    for seconds, faded in ((7, False), (9, True)):
+        assert replace(messages.newest, born=messages.newest.born - seconds).faded == faded
+    messages.all = [replace(message, born=message.born - 9) for message in messages.all]
+    assert messages.newest is None
 
 
-@pytest.mark.parametrize(
-    ("more", "seconds"),
-    [
-        ({}, 5),
-        ({"kind": MessageKind.NOTE}, 10),
-        ({"kind": MessageKind.PROBLEM}, 10),
-        ({"buttons": (Button("Undo", lambda: None),), "passing": True}, 10),
-    ],
-)
-def test_a_message_fades_with_time(more: dict, seconds: float) -> None:
+def test_an_offer_stays_until_it_is_replaced_and_what_is_to_be_read_comes_back() -> None:
     messages = Messages()
-    messages.notify("news", **more)
-    (message,) = messages.shown
-    assert not replace(message, born=message.born - seconds + 1).faded
-    assert replace(message, born=message.born - seconds - 1).faded
-
-
-def test_only_the_newest_passing_offer_is_shown() -> None:
-    messages = Messages()
-    for number in range(3):
-        messages.notify(f"removed {number}", buttons=(Button("Undo", lambda: None),), passing=True)
-    assert [message.text for message in messages.shown] == ["removed 2"]
-
-
-def test_offers_outlast_time_and_news_while_they_are_relevant() -> None:
-    messages = Messages()
-    relevant = dict.fromkeys(range(6), True)
-    for number in relevant:
-        show = Button("Show", lambda: None)
-        messages.notify(f"offer {number}", buttons=(show,), relevant=partial(relevant.__getitem__, number))
-    assert [message.text for message in messages.shown] == ["offer 3", "offer 4", "offer 5"]
-    relevant[4] = False
-    assert [message.text for message in messages.shown] == ["offer 2", "offer 3", "offer 5"]
-    messages = Messages()
-    messages.notify("restore it?", buttons=(Button("Show", lambda: None),))
+    is_relevant = True
+    messages.notify("restored a damaged file", buttons=OK)
+    messages.notify("offer", buttons=(Button("Show", lambda: None),), relevant=lambda: is_relevant)
     messages.all = [replace(message, born=message.born - 3600) for message in messages.all]
-    for number in range(9):
-        messages.notify(f"news {number}")
-    assert messages.shown[0].text == "restore it?"
+    assert messages.newest is not None and messages.newest.text == "offer"
+    messages.notify("news")
+    assert messages.newest.text == "news"
+    messages.all = [replace(message, born=message.born - 9) for message in messages.all]
+    assert messages.newest.text == "restored a damaged file"
+    messages.dismiss(messages.newest)
+    assert messages.newest is None
+    messages.notify("offer", buttons=(Button("Show", lambda: None),), relevant=lambda: is_relevant)
+    is_relevant = False
+    assert messages.newest is None
 
 
 @pytest.mark.parametrize(

@@ -164,7 +164,7 @@ def test_a_session_that_ended_the_program_twice_is_not_opened(launch: Launch) ->
     session = launch()
     session.tick()
     assert not session.editor.history.past
-    assert "ended twice" in session.messages.shown[-1].text
+    assert "ended twice" in session.messages.newest.text
     (earlier,) = session.store.earlier
     session.open_earlier(earlier)
     assert shapes(session)[1:] == ["object 2", "object 3"]
@@ -294,7 +294,7 @@ def test_states_and_objects_of_a_replaced_model_wait_for_it(launch: Launch, back
     session = launch(other)
     editor = session.editor
     assert editor.history.past == made.states and editor.can_show(editor.state)
-    assert "waits in Mine" in session.messages.shown[-1].text
+    assert "waits in Mine" in session.messages.newest.text
     assert editor.is_missing("block")
     editor.undo()
     assert editor.can_show(editor.state)

@@ -72,7 +72,7 @@ def test_what_was_made_with_a_deleted_model_waits_as_grey_tiles_and_comes_back(
         session = window.session
         editor = window.session.editor
         assert session.messages.errors == []
-        assert any("stools.safetensors" in message.text for message in session.messages.shown)
+        assert "stools.safetensors" in session.messages.newest.text
         assert editor.state.mix.a.shape == "object 3"
         assert editor.objects.own == ["Red stool"]
         tile = window.ctx.item_info("//Library/**/show Red stool").rect_full
@@ -130,7 +130,7 @@ def test_it_is_back_at_the_next_launch_once_its_file_is(
 
 
 def test_a_tile_asks_for_no_file_that_is_back_and_refuses_another_model(
-    drive: Drive, own: Backend, made: Project, stools: Path, lasting_messages: None
+    drive: Drive, own: Backend, made: Project, stools: Path
 ) -> None:
     aside = stools.rename(stools.with_name("aside"))
     random_model(11).save(stools.with_name("tables.safetensors"))
