@@ -14,10 +14,11 @@ from imgui_bundle import hello_imgui, imgui
 from imgui_bundle import portable_file_dialogs as dialogs
 
 from viewer.screen.dialog_programs import ProgramDialog, command, installed_program
-from viewer.values.printable import printable
+from viewer.values.printable import as_label, printable
 
 _TITLE = "Choose a file###ask"
 _WAITING = "Waiting for the file dialog###waiting"
+_HEIGHT, _MOST = 14, 300  # em, height of the list of files; most files in it
 _PATIENCE = 3.0  # s after which a dialog of the system may be hidden or hang
 
 
@@ -77,6 +78,16 @@ def is_taken(path: Path) -> bool:
     return False
 
 
+def listed(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
+    """Return a folder's folders and its files of some endings, the newest first; none of a folder that is not there."""
+    dated = list[tuple[float, Path]]()
+    with suppress(OSError, ValueError):
+        for path in folder.iterdir():
+            if not path.name.startswith(".") and (path.suffix.lower() in suffixes or path.is_dir()):
+                dated.append((path.stat().st_mtime, path))
+    return [path for _, path in sorted(dated, reverse=True)[:_MOST]]
+
+
 def _home() -> Path:
     """Return the user's home, or the current folder for a user without one."""
     with suppress(RuntimeError):
@@ -113,6 +124,7 @@ class FileDialog:
         self._text = ""  # of the input line
         self._fresh = False  # the input line opens in the next frame
         self._to_replace: Path | None = None  # existing file that "Replace" confirms
+        self._list: tuple[Path, list[Path]] | None = None  # a folder, and its folders and files to choose from
         self.folder = _downloads()  # of the last opened file
         self.saves = self.folder  # of the last saved file
 
@@ -164,7 +176,7 @@ class FileDialog:
         self._dialog = None
         self._text = printable(request.start(folder))
         self._fresh = True
-        self._to_replace = None
+        self._to_replace = self._list = None
 
     def draw(self) -> None:
         """Poll the native dialog or draw the input line; call once a frame."""
@@ -224,6 +236,7 @@ class FileDialog:
         imgui.set_next_item_width(-1)
         entered, self._text = imgui.input_text("##path", self._text, imgui.InputTextFlags_.enter_returns_true)
         imgui.text_disabled(self._verdict(request))
+        entered |= self._draw_list(request)
         size = hello_imgui.em_to_vec2(6, 0)
         asked = self._to_replace == request.path(self._text)
         label = "Open" if not request.save else "Replace" if asked else "Save"
@@ -240,6 +253,29 @@ class FileDialog:
         imgui.end_popup()
         if accepted or cancelled:
             self._close(self._text.strip() if accepted else "")
+
+    def _draw_list(self, request: FileRequest) -> bool:
+        """Draw the folder of the typed path, the newest first. Return whether a file was opened there.
+
+        A double click or Enter opens a file or a folder; a click chooses a file.
+        """
+        typed = _expanded(self._text)
+        folder = typed if self._text.endswith(os.sep) else typed.parent
+        if self._list is None or self._list[0] != folder:
+            self._list = folder, listed(folder, request.suffixes)
+        is_opened = False
+        if imgui.begin_child("files", (0, hello_imgui.em_size(_HEIGHT)), imgui.ChildFlags_.borders):
+            flags = imgui.SelectableFlags_.allow_double_click | imgui.SelectableFlags_.no_auto_close_popups
+            for number, path in enumerate((folder.parent, *self._list[1])):
+                is_folder = not number or path.is_dir()
+                label = ".." if not number else f"{path.name}{os.sep if is_folder else ''}"
+                if imgui.selectable(f"{as_label(printable(label))}###file {number}", path == typed, flags)[0]:
+                    opens = imgui.is_mouse_double_clicked(0) or not imgui.is_mouse_released(0)  # or by the keyboard
+                    if opens or not is_folder:
+                        self._text = f"{path}{os.sep if is_folder else ''}"
+                    is_opened |= opens and not is_folder
+        imgui.end_child()
+        return is_opened
 
     def _verdict(self, request: FileRequest) -> str:
         path = request.path(self._text)

@@ -1,10 +1,12 @@
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
+from imgui_bundle import imgui
 
 from tests.viewer.driver import Driver, in_window
-from viewer.screen.file_dialog import FileDialog, FileRequest, is_there
+from viewer.screen.file_dialog import FileDialog, FileRequest, is_there, listed
 
 
 @dataclass
@@ -82,6 +84,37 @@ def test_a_folder_and_a_missing_file_are_no_answer(window: Driver, tmp_path: Pat
     window.ctx.key_chars_replace_enter(str(tmp_path / "chair.png"))
     window.ctx.yield_(3)
     assert chosen == [tmp_path / "chair.png"]
+
+
+@in_window()
+def test_a_double_click_opens_folders_and_files_the_newest_first(window: Driver, tmp_path: Path) -> None:
+    chosen = list[Path]()
+    files = window.context.files
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    for age, name in enumerate(("new.png", "old.jpg", "words.txt")):
+        (photos / name).touch()
+        os.utime(photos / name, (1e9 - age, 1e9 - age))
+    assert [path.name for path in listed(photos, (".png", ".jpg"))] == ["new.png", "old.jpg"]
+    assert listed(tmp_path / "gone", (".png",)) == []
+    files.folder = tmp_path
+    imgui.get_io().mouse_double_click_time = 60.0  # of a slow machine
+    files.ask(FileRequest("Photo", chosen.append, (".png", ".jpg")))
+    window.ctx.yield_(3)
+    place = window.ctx.window_info("//Choose a file###ask").window.pos
+    for number, expected in ((1, []), (2, [photos / "old.jpg"])):
+        window.ctx.item_double_click(f"//Choose a file###ask/**/###file {number}")
+        window.ctx.yield_(3)
+        assert chosen == expected
+        if files.asking:
+            assert window.ctx.window_info("//Choose a file###ask").window.pos == place
+    files.ask(FileRequest("Photo", chosen.append, (".png", ".jpg")))
+    window.ctx.yield_(3)
+    window.ctx.item_click("//Choose a file###ask/**/###file 1")  # in the last folder
+    window.ctx.yield_(2)
+    assert files.asking
+    window.ctx.item_click("//Choose a file###ask/###choose")
+    assert chosen[1:] == [photos / "new.png"]
 
 
 def test_a_path_with_invalid_characters_does_not_exist() -> None:
