@@ -11,20 +11,20 @@ from imgui_bundle import ImVec2, imgui
 
 from core.models.scene import embedded_scene
 from core.photos.clip import VIDEO_SUFFIXES
-from core.photos.decode import IMAGE_SUFFIXES
+from core.photos.decode import IMAGE_SUFFIXES, image_files
 from viewer.screen.baked_canvas import BakedCanvas
 from viewer.screen.canvas import Canvas, Images
 from viewer.screen.file_dialog import FileDialog, FileRequest, is_there
 from viewer.screen.theme import DARK, LIGHT, Palette
 from viewer.services.clipboard import Clipboard, copy_image
 from viewer.services.file_manager import show_in_folder
+from viewer.services.messages import MessageKind
 from viewer.services.worker import Job
 from viewer.session import Session
 from viewer.values.fit_history import Question
 from viewer.values.preferences import Preferences
 from viewer.values.printable import file_name
 from viewer.values.project import SUFFIX
-from viewer.values.view_modes import USUAL_MODES
 
 PROJECTS = (SUFFIX,)  # endings of project files
 MODELS = (".safetensors", ".pth", ".pt")  # endings of model files
@@ -81,12 +81,6 @@ class PanelContext:
     def resize_text(self, steps: int) -> None:
         """Enlarge the text by steps of 10 %; negative steps make it smaller."""
         self.preferences = self.preferences.with_text_size(self.preferences.text * 1.1**steps)
-
-    def next_view_mode(self) -> None:
-        """Switch the view to the next of its usual modes."""
-        mode = self.session.viewport.settings.mode
-        after = USUAL_MODES.index(mode) + 1 if mode in USUAL_MODES else 0
-        self.session.viewport.change(mode=USUAL_MODES[after % len(USUAL_MODES)])
 
     def see_photo(self) -> None:
         """Turn the view to the photo's camera and switch the tool that wipes the photo."""
@@ -198,15 +192,25 @@ class PanelContext:
             self.session.messages.report("Cannot show the folder", error)
 
     def drop(self, paths: list[str]) -> None:
-        """Open dropped projects, models, scenes and images of scenes; fit all other files as photos."""
+        """Open dropped projects, models, scenes and images of scenes; fit all other files, and folders, as photos."""
         photos = []
         for path in self._files(paths):
+            if path.is_dir():
+                photos += self._photos_in(path)
+                continue
             if path.suffix.lower() in (*PROJECTS, ".json", *MODELS) or embedded_scene(path):
                 self.load(path)
             else:
                 photos.append(path)
         if photos:
             self.fit(*photos)
+
+    def _photos_in(self, folder: Path) -> list[Path]:
+        """Return the photos in a folder; report a folder without any."""
+        photos = image_files(folder)
+        if not photos:
+            self.session.messages.notify(f"There is no photo in {folder.name}", MessageKind.PROBLEM)
+        return photos
 
     def _files(self, texts: list[str]) -> Iterator[Path]:
         """Yield the files that dropped texts name; report the others."""

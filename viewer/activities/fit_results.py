@@ -20,6 +20,7 @@ class FitResults:
         self.checking: Ready | None = None  # preliminary result of the current fit, checked by a second search
         self.unseen: set[str] = set()  # names of results that were not shown yet
         editor.scene_changed.connect(self._forget_seen)
+        editor.object_chosen.connect(self._forget_chosen)
 
     def add(self, fitted: EditableObject, camera: Camera) -> Ready:
         """Add a result to the objects and return its name and camera.
@@ -56,6 +57,9 @@ class FitResults:
             self.unseen ^= {name, to}
         if self.checking and self.checking.name == name:
             self.checking = Ready(to, self.checking.camera)
+
+    def _forget_chosen(self) -> None:
+        self.unseen.discard(self._editor.objects.root(self._editor.state.mix.a.shape))
 
     def _forget_seen(self) -> None:
         instance = self._editor.scene.instance

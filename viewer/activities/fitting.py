@@ -146,21 +146,25 @@ class Fitting:
         images = tuple(path for path in paths if not is_clip(path))
         if not images:
             return
-        sources, no_images = photo_sources(images)
-        if no_images:
-            names = ", ".join(printable(path.name) for path in no_images[:_NAMED])
-            names += ", …" * (len(no_images) > _NAMED)
-            self._jobs.messages.notify(f"Left out {names}: no image", MessageKind.NOTE)
+        sources, problems = photo_sources(images)
+        note = _describe(problems, len(images))
+        if note:
+            self._jobs.messages.notify(note, MessageKind.NOTE if sources else MessageKind.PROBLEM)
         sources = tuple(map(self._copies.keep, sources))
         if len(sources) > MOST_PHOTOS:
             self.fit_each(sources)
             return
         shown = FitHistory() if self.running and self._viewport.following else self.shown
         self.fit(*sources)
-        self._offer(sources, shown)
+        if sources:
+            self._offer(sources, shown, note)
 
-    def _offer(self, sources: tuple[PhotoSource, ...], shown: FitHistory) -> None:
-        """Offer the other meaning of dropped photos: an object each, or another photo of the finished object shown."""
+    def _offer(self, sources: tuple[PhotoSource, ...], shown: FitHistory, note: str) -> None:
+        """Offer the other meaning of dropped photos: an object each, or another photo of the finished object shown.
+
+        Args:
+            note: words about files that are no photos, for the same message.
+        """
         name = shown.name
         if len(sources) > 1:
             text = f"{len(sources)} photos are fitted as one object"
@@ -171,6 +175,7 @@ class Fitting:
             button = Button("Another photo of", partial(self._instead, sources, add), name)
         else:
             return
+        text = ". ".join(filter(None, (text, note)))
         self._jobs.messages.notify(text, MessageKind.NOTE, buttons=(button,), relevant=partial(self._awaits, sources))
 
     def _instead(self, sources: tuple[PhotoSource, ...], fit: Callable[[], None]) -> None:
@@ -330,6 +335,15 @@ class Fitting:
     def forget(self, sources: tuple[PhotoSource, ...]) -> None:
         """Remove the request of these photos from queue and questions."""
         self._waiting = self._waiting.without(sources)
+
+    def remove_failed(self) -> None:
+        """Remove all failed fits, and offer to undo that."""
+        failed = tuple(question for question in self.questions if question.is_failed)
+        for question in failed:
+            self.forget(question.request.history.sources)
+        undo = Button("Undo", partial(self.take_over, FitQueue(questions=failed)))
+        text = f"Removed {len(failed)} that could not be fitted"
+        self._jobs.messages.notify(text, buttons=(undo,), relevant=lambda: not self._closed)
 
     def follow(self) -> None:
         """Let the view follow the running fit from the photo's camera, so that its result is shown."""
@@ -493,3 +507,13 @@ class Fitting:
 
     def _fitted(self, step: FitStep) -> EditableObject:
         return EditableObject(self.history.name, step.instance, True, step.confidence)
+
+
+def _describe(problems: dict[Path, ValueError], count: int) -> str:
+    """Return a sentence about files that are no photos among ``count`` files; "" for none."""
+    if not problems:
+        return ""
+    if count == 1:
+        return f"Cannot fit this image: {error_text(*problems.values())}"
+    names = ", ".join(printable(path.name) for path in [*problems][:_NAMED]) + ", …" * (len(problems) > _NAMED)
+    return f"{len(problems)} of {count} are no photos: {names}"

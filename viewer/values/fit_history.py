@@ -16,10 +16,9 @@ from core.fitting.fit import FitStep, Hypothesis
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.models.model import Instance
-from core.photos.decode import IMAGE_SUFFIXES, upright_size
+from core.photos.decode import upright_size
 from core.photos.photo import Photo
 from core.photos.segmentation import CutOut, Hints
-from core.runtime.reading import optional
 from viewer.values.cut_out_preview import CutOutPreview
 from viewer.values.printable import printable
 
@@ -188,15 +187,18 @@ class Question(NamedTuple):
         return self.request.history.sources[self.number]
 
 
-def photo_sources(paths: Sequence[Path]) -> tuple[tuple[PhotoSource, ...], tuple[Path, ...]]:
-    """Sort files into images and others. If none is an image, all count as images, so that reading them says why."""
-    images = tuple(path for path in paths if _is_image(path)) or tuple(paths)
-    return tuple(map(PhotoSource, images)), tuple(path for path in paths if path not in images)
-
-
-def _is_image(path: Path) -> bool:
-    """Recognise an image by name or content."""
-    return path.suffix.lower() in IMAGE_SUFFIXES or optional(lambda: upright_size(path)) is not None
+def photo_sources(paths: Sequence[Path]) -> tuple[tuple[PhotoSource, ...], dict[Path, ValueError]]:
+    """Return the photos among files, by their content, and what is wrong with the others."""
+    sources = list[PhotoSource]()
+    problems = dict[Path, ValueError]()
+    for path in paths:
+        try:
+            upright_size(path)
+        except ValueError as error:
+            problems[path] = error
+        else:
+            sources.append(PhotoSource(path))
+    return tuple(sources), problems
 
 
 class Ready(NamedTuple):

@@ -76,10 +76,10 @@ def _draw_menu(context: PanelContext, waits: FitRequest, name: str, running: boo
         return
     if running and imgui.menu_item_simple("Stop###stop fit"):
         fitting.stop()
-    if waits.problem and imgui.menu_item_simple("Try again###try again"):
-        fitting.try_again(waits)
     if not running and imgui.menu_item_simple("Remove###remove waiting"):
         fitting.forget(waits.history.sources)
+    if waits.problem and imgui.menu_item_simple("Remove failed###remove failed"):
+        fitting.remove_failed()
     imgui.end_popup()
 
 

@@ -193,6 +193,31 @@ def test_photos_join_and_leave_an_object_without_a_search(session: Session, phot
     assert jobs[1].settings.steps == jobs[0].settings.steps > jobs[2].settings.steps
 
 
+def test_all_files_that_are_no_photos_are_one_message(session: Session, photo: Path) -> None:
+    words = [photo.with_name(f"diary {number}.txt") for number in range(5)]
+    for path in words:
+        path.write_text("words")
+    session.fitting.start(*words, photo)
+    assert [message.text for message in session.messages.all] == [
+        "5 of 6 are no photos: diary 0.txt, diary 1.txt, diary 2.txt, …"
+    ]
+    assert [request.history.name for request in session.fitting.pending] == ["block"]
+    session.fitting.start(*words)
+    assert len(session.fitting.pending) == 1 and session.messages.newest.kind is MessageKind.PROBLEM
+
+
+def test_failed_fits_are_removed_together_and_come_back_by_undo(session: Session, photo: Path) -> None:
+    fitting = session.fitting
+    session.jobs.backend = replace(session.jobs.backend, fit=broken_fit)
+    fitting.fit_each(tuple(PhotoSource(block(photo, name)) for name in "ab"))
+    finish(session, lambda: not fitting.running)
+    assert [question.is_failed for question in fitting.questions] == [True, True]
+    fitting.remove_failed()
+    assert fitting.pending == ()
+    press(session, "Undo")
+    assert [question.source.name for question in fitting.questions] == ["block a.png", "block b.png"]
+
+
 def test_a_photo_that_was_left_out_can_be_fitted_by_itself(session: Session, photo: Path) -> None:
     def leaving_out(model: Model, job: FitJob) -> Iterator[FitStep]:
         steps = quick_fit(model, job)
@@ -219,11 +244,11 @@ def test_photos_dropped_during_a_fit_wait(session: Session, editor: Editor, phot
     fitting = session.fitting
     for path in (photo, block(photo, "b"), bad_files["text.png"], block(photo, "c")):
         fitting.start(path)
-    assert [request.history.name for request in fitting.queue] == ["block b", "text", "block c"]
+    assert [request.history.name for request in fitting.queue] == ["block b", "block c"]
     finish(session, lambda: not fitting.running)
     assert {added.name for added in editor.objects.added} == {"block", "block b", "block c"}
     assert len(session.messages.errors) == 1
-    assert [(request.history.name, bool(request.problem)) for request in fitting.pending] == [("text", True)]
+    assert fitting.pending == ()  # what is no photo becomes no tile
     assert editor.state.mix.a.shape == "block"  # what is being edited stays
     assert set(fitting.results.unseen) == {"block b", "block c"}
     editor.show_object("block c")
@@ -482,8 +507,7 @@ def test_a_photo_of_another_category_among_several_is_a_question(session: Sessio
     session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: next(guesses))
     session.fitting.start(photo, beside, second)
     finish(session, lambda: not session.fitting.running)
-    texts = [message.text for message in session.messages.shown]
-    assert texts == ["Left out block.txt: no image", "2 photos are fitted as one object"]
+    assert session.messages.newest.text == "2 photos are fitted as one object. 1 of 3 are no photos: block.txt"
     (question,) = session.fitting.questions
     assert question.source.path == second
     assert question.words.startswith("This looks like a boat, the first image like a chair")

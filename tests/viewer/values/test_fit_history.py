@@ -6,19 +6,19 @@ from PIL import Image
 from core.fitting.fit import FitStep
 from core.models.model import Model
 from viewer.values import fit_history
-from viewer.values.fit_history import FitHistory, PhotoSource, photo_sources
+from viewer.values.fit_history import FitHistory, photo_sources
 
 
-def test_files_beside_photos_are_left_out(tmp_path: Path) -> None:
-    names = ("photo.heic", "photo.mov", "photo.AAE", "license.txt", "Thumbs.db", "scan", "gone.png")
+def test_files_that_are_no_photos_are_left_out(tmp_path: Path) -> None:
+    names = ("photo.png", "photo.AAE", "license.txt", "Thumbs.db", "scan", "gone.png")
     paths = {name: tmp_path / name for name in names}
     for path in [*paths.values()][:-1]:
         path.write_text("something")
     Image.new("RGB", (8, 8)).save(paths["scan"], "PNG")  # an image by its content
-    sources, no_images = photo_sources([*paths.values()])
-    assert [source.path.name for source in sources] == ["photo.heic", "scan", "gone.png"]
-    assert [path.name for path in no_images] == ["photo.mov", "photo.AAE", "license.txt", "Thumbs.db"]
-    assert photo_sources([paths["photo.mov"]]) == ((PhotoSource(paths["photo.mov"]),), ())
+    sources, problems = photo_sources([*paths.values()])
+    assert [source.path.name for source in sources] == ["scan"]
+    assert {path.name for path in problems} == {*names} - {"scan"}
+    assert "gone.png" in str(problems[paths["gone.png"]])
 
 
 def test_of_very_many_steps_every_other_one_is_kept(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
