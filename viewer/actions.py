@@ -58,22 +58,20 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("see_side", "Side", "2", "see the object from the side"),
         Action("see_top", "Top", "3", "see the object from the top"),
         Action("see_photo", "Photo", "4", "the photo over the object, to wipe away; again: without the photo"),
-        Action("next_mode", "Next mode", "V", "colour, depth or normals"),
-        Action("fold_panels", "Fold panels", "Tab", "hide or show all panels, if the view has the focus"),
+        Action("fold_panels", "Fold panels", "", "hide or show all panels"),
     ),
     "Library": (
         Gesture("Click", "show the object: it becomes A"),
         Gesture("Click the number", "show or hide the variants of a form"),
         Gesture("Click a small tile", "show that version of the object above: as fitted, or as an edit left it"),
-        Gesture("Right click", "take only its shape or texture; make it B; keep this version, rename, remove"),
+        Gesture("Right click", "make it B; keep this version, rename, remove"),
         Gesture("Drag onto B", "mix the object with the one in the view"),
         Gesture("Arrow keys, Enter", "move between tiles, and show the object"),
     ),
     "Mix": (Gesture("Drag in the pad", "to the right the shape of B, upwards its texture"),),
     "Sliders": (
-        Action("sample", "Random", "R", "a random shape and texture, except what is locked"),
+        Action("sample", "Random", "R", "a random shape and texture"),
         Action("reset", "Reset", "", "the object without its edits"),
-        Gesture("Lock", "protect shape or texture from changes"),
         Gesture("Hover over a slider", "see the result, and the pixels that change"),
         Gesture(
             "Size",
@@ -96,7 +94,6 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Swatch", "paint the chosen part; drag in the square of colours for any other"),
         Gesture("Eyedropper", "pick the paint from the photo or the view"),
         Gesture("Photo detail", "a slider: how much of the photo's outline and lettering the object shows"),
-        Gesture("Other side", "the colours of the side that the photo does not show"),
         Gesture("Click a candidate", "in Developer: continue the search from this one alone"),
         Gesture("Try again", "fit again: from the beginning, from this view, as another category"),
     ),
@@ -109,7 +106,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "Files": (
         Gesture("Drop a photo", "fit the object in it"),
         Gesture("Drop a video", "fit the object that it walks around"),
-        Gesture("Drop several", "up to twelve photos of one object; a button makes them an object each"),
+        Gesture("Drop several, or a folder", "up to twelve photos of one object; a button makes them an object each"),
         Gesture("Drop an image saved here", "a png restores its shape, texture and camera"),
         Gesture("Drop a project", "open everything that it holds"),
         Action("new_project", "New", "Ctrl+N", "start afresh; fitted objects stay in Mine"),
@@ -127,8 +124,8 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("dark", "Dark or light", "", "dark or light colours"),
         Action("reset_layout", "Reset layout", "", "the panels as at first"),
         Gesture("Esc", "undo the drag, or close what is on top: a menu, a dialog, the help"),
-        Gesture("Ctrl+Tab", "the next panel; there Tab and arrow keys move between controls, and Space presses one"),
-        Action("help", "Find…", "Ctrl+K, F1, ?", "search keys, panels, objects and view modes; Enter runs the first"),
+        Gesture("Tab, arrow keys", "move between controls; Space presses one, and Ctrl+Tab goes to the next panel"),
+        Action("help", "Find…", "Ctrl+K, F1, ?", "search keys, panels and objects; Enter runs the first"),
         Action("quit", "Quit", "Ctrl+Q", "end the program"),
     ),
 }  # rows by place, in the order of the help
@@ -136,14 +133,13 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
 ACTIONS: dict[str, Action] = {row.id: row for rows in TABLE.values() for row in rows if isinstance(row, Action)}
 
 
-_IN_VIEW_ONLY = "reset_view", "fold_panels"  # actions whose keys work only with the mouse or the focus in the view
+_IN_VIEW_ONLY = ("reset_view",)  # actions whose keys work only with the mouse or the focus in the view
 _RUN: dict[str, Callable[[PanelContext], object]] = {
     "reset_view": lambda c: c.session.viewport.reset_view(),
     "see_front": lambda c: c.session.see_from("front"),
     "see_side": lambda c: c.session.see_from("side"),
     "see_top": lambda c: c.session.see_from("top"),
     "see_photo": lambda c: c.see_photo(),
-    "next_mode": lambda c: c.next_view_mode(),
     "fold_panels": lambda c: c.fold_panels(),
     "sample": lambda c: c.session.editor.sample(),
     "reset": lambda c: c.session.editor.reset(),
@@ -194,14 +190,9 @@ def run_keys(context: PanelContext, in_view: bool = False) -> None:
 def _is_allowed(action: Action, context: PanelContext) -> bool:
     """Return whether an action's keys have no other use now.
 
-    The segmentation dialog has its own keys and would hide the help. During keyboard navigation, Tab navigates.
-    A popup must be closed before the mode of the view changes.
+    The segmentation dialog has its own keys and would hide the help.
     """
-    if context.session.segmenting.active:
-        return action.id in ("quit", "larger_text", "smaller_text")
-    if action.id == "fold_panels" and imgui.get_io().nav_visible:
-        return False
-    return action.id != "next_mode" or not imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+    return not context.session.segmenting.active or action.id in ("quit", "larger_text", "smaller_text")
 
 
 def is_pressed(chord: int) -> bool:

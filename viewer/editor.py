@@ -34,7 +34,6 @@ class Editor:
         """Show the first object of the model ``first``; ``generator`` is the source of random samples."""
         self.models = models
         self.objects = ObjectLibrary(models)
-        self._locked: frozenset[tuple[str, CodeKind]] = frozenset()
         mix = first_mix(self.objects, first)
         scene = Scene(self.objects[mix.a.shape].instance, orbit.home(first))
         self.history = History.of(State(scene, mix, is_a=True))
@@ -59,11 +58,6 @@ class Editor:
     def model(self) -> Model:
         """The model of the object on screen."""
         return self.scene.instance.model
-
-    @property
-    def locked(self) -> frozenset[CodeKind]:
-        """The codes of this model's objects that edits leave unchanged."""
-        return frozenset(kind for model, kind in self._locked if model == self.scene.instance.fingerprint)
 
     def is_mixable(self, name: str) -> bool:
         """Return whether an object is of the same model as the one on screen, so that they can be mixed."""
@@ -102,23 +96,17 @@ class Editor:
 
     @property
     def mix_ends(self) -> tuple[Instance, Instance]:
-        """A and B, between which the mix pad mixes: A with its edits, locked codes in both."""
-        return self._keeping_locked(self.unmixed), self._keeping_locked(self.objects[self.state.mix.b].instance)
+        """A and B, between which the mix pad mixes: A with its edits."""
+        return self.unmixed, self.objects[self.state.mix.b].instance
 
     @property
     def film_partner(self) -> Instance | None:
-        """B, with locked codes; None if B cannot be mixed with the object on screen or looks like it."""
+        """B; None if B cannot be mixed with the object on screen or looks like it."""
         name = self.state.mix.b
         if name not in self.objects or self.is_missing(name) or not self.is_mixable(name):
             return None
-        partner = self._keeping_locked(self.objects[name].instance)
+        partner = self.objects[name].instance
         return None if partner.with_detail(None) == self.scene.instance.with_detail(None) else partner
-
-    def _keeping_locked(self, instance: Instance) -> Instance:
-        """Return codes with the locked ones of the object on screen, if it is of the same model."""
-        for kind in self.locked if instance.fingerprint == self.scene.instance.fingerprint else ():
-            instance = instance.taking(kind, self.scene.instance)
-        return instance
 
     # The camera
 
@@ -135,12 +123,12 @@ class Editor:
         self._edit(replace(self.scene, instance=instance), gesture=gesture)
 
     def reset(self) -> None:
-        """Return to object A without its edits and without any of B, except locked parts; its edits are a version."""
+        """Return to object A without its edits and without any of B; its edits are a version."""
         self.objects.keep(self.state.version_of, self.scene.instance)
         self._set_codes(self.original, replace(self.state.mix, shape=0.0, texture=0.0), is_a=True)
 
     def sample(self) -> None:
-        """Sample shape and texture from the distribution of the trained codes, except locked ones."""
+        """Sample shape and texture from the distribution of the trained codes."""
         self._set_codes(self.model.sample(self._generator), self.state.mix, is_a=False)
 
     # Along a direction
@@ -154,11 +142,10 @@ class Editor:
         self.edit(direction.moved(self.scene.instance, to))
 
     def edit(self, edited: Instance, gesture: str = "") -> None:
-        """Replace the object by an edited one, except locked codes.
+        """Replace the object by an edited one.
 
         The camera keeps the view's scale, so that sides that are not stretched stay where they are.
         """
-        edited = self._keeping_locked(edited)
         camera = self.scene.camera
         is_resized = edited.codes.factors != self.scene.instance.codes.factors
         if is_resized:
@@ -171,7 +158,7 @@ class Editor:
     # Objects A and B
 
     def show_object(self, name: str) -> None:
-        """Make an object A, without any of B, except locked parts; nothing happens while its model is missing.
+        """Make an object A, without any of B; nothing happens while its model is missing.
 
         A fitted object is seen from its photo's camera at first and after an object of another model.
         """
@@ -205,12 +192,6 @@ class Editor:
     def _unlist(self, removed: frozenset[str]) -> None:
         self._go(self.history.changed(replace(self.state, removed=removed)))
 
-    def take(self, kind: CodeKind, name: str) -> None:
-        """Take the shape or the texture of an object for A, without any of B in that code."""
-        mix = self.state.mix
-        mix = replace(mix, a=mix.a._replace(**{kind: name})).with_amount(kind, 0.0)
-        self._set_codes(self.scene.instance.taking(kind, self.objects[name].instance), mix)
-
     def set_b(self, name: str) -> None:
         """Make an object B; codes with an amount of B are mixed again."""
         mix = replace(self.state.mix, b=self.objects[name].name)
@@ -229,7 +210,7 @@ class Editor:
         return name
 
     def show_added(self, name: str, camera: Camera) -> None:
-        """Make an object A as fitted or opened, seen from a camera; locks are ignored."""
+        """Make an object A as fitted or opened, seen from a camera."""
         instance = self.objects[name].original
         self._edit(Scene(instance, camera), self._mix_from(Pair(name, name)), is_a=True)
 
@@ -335,13 +316,6 @@ class Editor:
         if (number := next(numbers, None)) is not None:
             self.go_to(number)
 
-    # Not edits
-
-    def lock(self, kind: CodeKind, locked: bool) -> None:
-        """Lock one code of this model's objects against edits, or unlock it."""
-        this = frozenset({(self.scene.instance.fingerprint, kind)})
-        self._locked = self._locked | this if locked else self._locked - this
-
     def _mix_of(self, model: Model) -> Mix:
         """Return the last mix of a model's objects in undo, else a mix of its first two objects."""
         states = (self.state, *reversed(self.history.past))
@@ -362,14 +336,8 @@ class Editor:
     def _set_codes(
         self, instance: Instance, mix: Mix, gesture: str = "", camera: Camera | None = None, is_a: bool | None = None
     ) -> None:
-        """Edit codes and mix; locked codes stay, with their object A and amount of B."""
-        now = self.state
-        instance = self._keeping_locked(instance)
-        for kind in self.locked if instance.fingerprint == now.scene.instance.fingerprint else ():
-            a = mix.a._replace(**{kind: getattr(now.mix.a, kind)})
-            mix = replace(mix, a=a).with_amount(kind, getattr(now.mix, kind))
-            is_a = is_a if now.is_a else False
-        self._edit(Scene(instance, camera or now.scene.camera), mix, gesture, is_a)
+        """Edit codes and mix."""
+        self._edit(Scene(instance, camera or self.scene.camera), mix, gesture, is_a)
 
     def _edit(self, scene: Scene, mix: Mix | None = None, gesture: str = "", is_a: bool | None = None) -> None:
         """Change the scene; ``is_a`` is that of :class:`State`, None if it stays."""

@@ -243,6 +243,7 @@ class Session:
             self.editor.set_camera(camera)
         elif view in orbit.VIEWS:
             self.editor.set_camera(orbit.seen_from(self.viewport.camera, view))
+            self.viewport.framing.frame(self.viewport.settings.panel)
 
     @property
     def photo_view(self) -> PhotoView | None:

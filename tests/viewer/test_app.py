@@ -227,12 +227,11 @@ def test_the_layout_at_first_comes_back_by_a_reset(drive: Drive) -> None:
         for shown in (True, False):
             window.menu("Panels/Developer")
             assert ("Developer" in seen(window)) == shown
-        window.ctx.mouse_move("//View/orbit")
-        window.press(imgui.Key.tab)
+        window.menu("Panels/###fold_panels")
         assert seen(window) == {"View"}
-        window.press(imgui.Key.tab)
+        window.menu("Panels/###fold_panels")
         assert {"Library", "Mix"} <= seen(window) <= first
-        window.press(imgui.Key.tab)
+        window.menu("Panels/###fold_panels")
         window.menu("Panels/###reset_layout")
         assert {"Library", "Mix"} <= seen(window) <= first
 
@@ -286,6 +285,22 @@ def look(window: Driver) -> None:
     assert not too_wide()
 
 
+@in_window(size=(900, 600))
+def test_the_wheel_scrolls_the_strip_and_tab_leaves_the_view(window: Driver, tmp_path: Path) -> None:
+    tile = "//Library/**/show object 2"
+    before = window.ctx.item_info(tile).rect_full.min.x
+    window.ctx.mouse_move(tile)
+    window.ctx.mouse_wheel_y(-1.0)
+    window.ctx.yield_(3)
+    assert window.ctx.item_info(tile).rect_full.min.x < before
+    window.ctx.mouse_move("//View/orbit")
+    window.press(imgui.Key.tab)
+    assert imgui.get_current_context().nav_window.root_window.name == "Library"
+    (tmp_path / "empty").mkdir()
+    window.context.drop([str(tmp_path / "empty")])
+    assert window.session.messages.errors == ["There is no photo in empty"]
+
+
 @in_window(size=(900, 600), fit=endless_fit)
 def test_no_panel_of_a_fit_is_cut_off_where_the_window_is_small_and_texts_are_large(window: Driver, photo: Path):
     session = window.session
@@ -329,8 +344,6 @@ def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(driv
             window.click(f"##MainMenuBar/##MenuBar/{menu}")
             look(window)
             window.press(imgui.Key.escape)
-        window.click("View/###mode")
-        look(window)
 
     drive(act, size=(900, 600), folder=tmp_path / "config")
 

@@ -26,7 +26,6 @@ def test_every_edit_can_be_undone_and_redone(session: Session, editor: Editor, t
         lambda: editor.show_object("object 2"),
         lambda: editor.set_b("object 4"),
         lambda: editor.mix_both(0.2, 0.3),
-        lambda: editor.take("texture", "object 3"),
         lambda: editor.move_along(Direction.principal(model.codes, "shape", 1), 2.0),
         lambda: editor.edit(editor.scene.instance.with_edits(Stretch, Stretch((1.0, 1.5, 1.0)))),
         lambda: editor.sample(),
@@ -104,50 +103,6 @@ def test_a_mix_begins_with_the_edited_object(editor: Editor) -> None:
     assert editor.unmixed == editor.objects["object 1"].instance
 
 
-def test_shape_and_texture_are_taken_from_different_objects(editor: Editor) -> None:
-    first = editor.objects["object 1"].instance
-    second = editor.objects["object 2"].instance
-    editor.show_object("object 3")
-    editor.mix_both(0.5, 0.5)
-    editor.take("shape", "object 1")
-    assert torch.equal(editor.code("shape"), first.codes.shape)
-    assert (editor.state.mix.a, editor.state.mix.shape) == (("object 1", "object 3"), 0.0)
-    assert editor.state.mix.texture == 0.5
-    editor.take("texture", "object 2")
-    assert torch.equal(editor.code("texture"), second.codes.texture)
-    editor.move_along(Direction.principal(editor.model.codes, "shape", 0), 1.0)
-    editor.mix_both(0.2, 0.3)
-    editor.reset()
-    assert torch.equal(editor.code("shape"), first.codes.shape) and torch.equal(
-        editor.code("texture"), second.codes.texture
-    )
-    assert (editor.state.mix.shape, editor.state.mix.texture) == (0.0, 0.0)
-
-
-def test_locked_codes_stay_for_every_choice(editor: Editor) -> None:
-    editor.show_object("object 1")
-    editor.mix_both(0.5, 0.5)
-    editor.lock("shape", True)
-    assert all(torch.equal(end.codes.shape, editor.code("shape")) for end in editor.mix_ends)
-    shape = editor.code("shape")
-    mix = editor.state.mix
-    edits = (
-        lambda: editor.show_object("object 2"),
-        lambda: editor.sample(),
-        lambda: editor.take("shape", "object 3"),
-        lambda: editor.take("texture", "object 3"),
-        lambda: editor.mix_both(0.9, 0.9),
-    )
-    for edit in edits:
-        edit()
-        assert torch.equal(editor.code("shape"), shape)
-        assert (editor.state.mix.a.shape, editor.state.mix.shape) == (mix.a.shape, mix.shape)
-    assert editor.state.mix.texture == 0.9
-    editor.lock("shape", False)
-    editor.show_object("object 2")
-    assert editor.scene.instance == editor.objects["object 2"].instance
-
-
 def test_another_b_replaces_the_mixed_codes(editor: Editor) -> None:
     editor.show_object("object 1")
     editor.mix_both(0.0, 1.0)
@@ -184,13 +139,11 @@ def test_the_photo_s_detail_is_an_edit_and_stays_with_the_shape(editor: Editor, 
     assert detail is not None and detail.strength == 0.25
     editor.move_along(Direction.principal(model.codes, "texture", 0), 1.0)
     assert editor.scene.instance.detail is detail
-    editor.take("texture", "object 2")
-    assert editor.scene.instance.detail is detail
-    editor.take("shape", "object 2")
+    editor.show_object("object 2")
     assert editor.scene.instance.detail is None
-    editor.take("shape", "fitted")
+    editor.show_object("fitted")
     assert editor.scene.instance.detail == detail  # as it was left
-    for _ in range(5):
+    for _ in range(4):
         editor.undo()
     assert editor.state == before
 
@@ -312,18 +265,15 @@ def both(model: Model) -> Editor:
 
 def test_objects_of_two_models_are_edited_in_one_history(both: Editor, model: Model) -> None:
     _, cars = both.models
-    both.lock("shape", True)
     both.set_b("object 4")
     both.show_object("object 2 (2)")
     assert both.model is cars and both.scene.instance == cars[2]
-    assert both.locked == frozenset()  # of this model's objects nothing is
     assert both.state.mix.b == "object 1 (2)" or both.objects[both.state.mix.b].instance.model is cars
     both.mix_both(0.0, 0.5)
     both.sample()
     assert both.scene.instance.fingerprint == cars.fingerprint
     both.show_object("object 3")
     assert both.model is model and both.state.mix.b == "object 4"
-    assert both.locked == {"shape"} and torch.equal(both.code("shape"), model.codes[3].shape)
     for _ in range(4):
         both.undo()
     assert both.model is model
@@ -340,4 +290,5 @@ def test_objects_of_two_models_are_not_mixed_and_bring_mixes_of_their_own(both: 
     both.show_object("object 3")
     assert both.is_mixable("object 2") and not both.is_mixable("object 2 (2)")
     with pytest.raises(ValueError, match="different models"):
-        both.take("texture", "object 2 (2)")
+        both.set_b("object 2 (2)")
+        both.mix_both(0.5, 0.5)

@@ -146,7 +146,6 @@ class Person:
             self.remove: 2,
             self.press_message: 2,
             self.sample: 1,
-            self.lock: 1,
             self.export: 1,
             self.drop: 3,
             self.import_look: 1,
@@ -202,9 +201,8 @@ class Person:
         self._drag(self._place(f"Sliders/**/##{self.random.choice(('shape', 'texture'))} 1"))
 
     def paint(self) -> None:
-        if "texture" not in self.session.editor.locked:
-            self.session.painting.paint((self.random.random(), self.random.random(), self.random.random()))
-            self.session.painting.release()
+        self.session.painting.paint((self.random.random(), self.random.random(), self.random.random()))
+        self.session.painting.release()
 
     def mix(self) -> None:
         self.window.show("Mix")
@@ -249,16 +247,12 @@ class Person:
             self._choose(name, "###remove object")
 
     def press_message(self) -> None:
-        buttons = [f"##MainMenuBar/**/###{label}" for label in ("undo", "show", "ok", "dismiss")]
+        buttons = [f"##MainMenuBar/##MenuBar/###{label}" for label in ("undo", "show", "ok", "dismiss")]
         if visible := [name for name in buttons if self._place(name)]:
             self._click(self.random.choice(visible))
 
     def sample(self) -> None:
         self.window.press(imgui.Key.r)
-
-    def lock(self) -> None:
-        self.window.show("Sliders")
-        self._click(f"Sliders/###lock {self.random.choice(('shape', 'texture'))}")
 
     def export(self) -> None:
         if not self.session.exporting.running:

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.models.codes import CODE_KINDS
 from core.models.model import Instance, Model
 from viewer.context import Panel, PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
@@ -64,6 +63,8 @@ class LibraryPanel(Panel):
             imgui.same_line()
         scrolls = imgui.WindowFlags_.horizontal_scrollbar if strip else 0
         if imgui.begin_child("objects", (0, 0), imgui.ChildFlags_.nav_flattened, scrolls):
+            if strip and imgui.is_window_hovered() and (wheel := imgui.get_io().mouse_wheel):
+                imgui.set_scroll_x(imgui.get_scroll_x() - wheel * least)
             self._draw_objects(context, names, strip)
         imgui.end_child()
         self._user_menu.apply(context)
@@ -291,17 +292,10 @@ def _draw_menu(context: PanelContext, tile: str | Version) -> None:
     editor = context.session.editor
     root = tile.root if isinstance(tile, Version) else tile
     mixable = editor.is_mixable(root)
-    why = "" if mixable else unmixable(context, root)
-    if imgui.menu_item_simple("Show it"):
-        editor.show_object(_name(context, tile))
-    for kind in CODE_KINDS:
-        if imgui.menu_item_simple(f"Take only its {kind}", enabled=mixable and kind not in editor.locked):
-            editor.take(kind, _name(context, tile))
-        tooltip(why)
     if imgui.menu_item_simple("Make it B", enabled=mixable):
         editor.set_b(_name(context, tile))
         context.focus = "Mix"
-    tooltip(why)
+    tooltip("" if mixable else unmixable(context, root))
 
 
 def _headings(models: Iterable[Model]) -> dict[str, str]:
@@ -315,9 +309,7 @@ def _headings(models: Iterable[Model]) -> dict[str, str]:
 
 
 def _marks(context: PanelContext, names: Sequence[str]) -> list[tuple[str, Colour]]:
-    """Return letters or icons of the roles of a tile's objects, with colours: A, source of A's shape or texture, B."""
+    """Return letters of the roles of a tile's objects, with colours."""
     mix = context.session.editor.state.mix
-    accent = context.palette.accent
-    kinds = [kind for kind in CODE_KINDS if getattr(mix.a, kind) in names]
-    marks = [("A", accent)] if len(kinds) == 2 else [(object_tiles.ICONS[kind], accent) for kind in kinds]
+    marks = [("A", context.palette.accent)] if mix.a.shape in names else []
     return [*marks, ("B", WARM)] if mix.b in names else marks

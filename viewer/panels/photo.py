@@ -8,7 +8,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.fitting.category_check import describe_difference
 from core.fitting.confidence import RIGHT_DEGREES, explained, in_words
-from core.models.photo_detail import OtherSide, PhotoDetail
+from core.models.photo_detail import PhotoDetail
 from viewer.activities.fitting import Fitting
 from viewer.context import Panel, PanelContext
 from viewer.screen.theme import packed
@@ -18,7 +18,6 @@ from viewer.widgets import user_objects, waiting_tiles
 from viewer.widgets.comparison import object_pixels
 from viewer.widgets.controls import (
     button,
-    choose,
     end_gesture,
     labelled_slider,
     tooltip,
@@ -32,22 +31,18 @@ from viewer.widgets.welcome import draw_samples, nouns
 
 _AGAIN = f"Try again  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
 _TOOLS = {
-    "turn": ("Turn", "Drag in the view to turn the object"),
     "wipe": ("Wipe", "Drag in the view: the photo on the left, the render on the right"),
     "erase": (
         "Erase",
         "Drag over a reflection, say, to take it off the object; the wheel sets the size of the brush",
     ),
 }  # labels and tooltips of tools over the view
-_SIDES: dict[OtherSide, str] = {"mirrored": "Mirrored", "model": "The model's"}
 _LOST_HELP = "Open the photo again to fit it anew"
 _VIEWPOINT_HELP = """See the object from the camera that explains the photo next best, mostly from behind;
 and from the first one again"""
 _VIEW_HELP = "For a camera that was not found: turn the object in the view until it looks as in the photo, then click"
 _DETAIL_HELP = """How much of the photo's own detail the object shows, such as its outline and lettering, in files too.
 A doubtful camera shows none."""
-_SIDES_HELP = """The colours of the side that the photo does not show: the photo mirrored, without its lettering,
-and a similar car's lamps at an end without photo; or the model's own"""
 _AGREE = 0.5  # least explained fraction (:func:`explained`) of photos that agree
 
 
@@ -107,7 +102,7 @@ def _draw_object(context: PanelContext, history: FitHistory) -> None:
     if detail := session.editor.scene.instance.detail:
         context.hints.ring = detail.azimuths
         draw_unseen_side(context, history, detail)
-        _draw_tools(context, detail)
+        _draw_tools(context)
     draw_paint(context)
     if detail:
         _draw_detail(context, detail)
@@ -189,24 +184,19 @@ def _draw_dot_and_words(context: PanelContext, words: str, sure: str) -> None:
     imgui.text_colored((*(context.palette.warm if sure == "doubtful" else context.palette.text), 1.0), words)
 
 
-def _draw_tools(context: PanelContext, detail: PhotoDetail) -> None:
-    """Draw the choice of tools for the view."""
-    session = context.session
+def _draw_tools(context: PanelContext) -> None:
+    """Draw the tools for the view; a second press turns the object again."""
     for number, (tool, (label, words)) in enumerate(_TOOLS.items()):
         if number:
             imgui.same_line()
-        if button(f"{label}###{tool}", words, colour=context.palette.accent if tool == context.tool else None):
-            context.tool = tool
-            if tool != "turn":
-                session.see_from("photo")
-    view = session.photo_view
-    erased = context.tool == "erase" and view is not None and bool(view.erased)
-    if erased and view and button("Bring back###restore detail", "All that was erased"):
-        session.editor.set_detail(detail.erasing(detail.views.index(view), ()))
+        is_on = tool == context.tool
+        if button(f"{label}###{tool}", words, colour=context.palette.accent if is_on else None):
+            context.tool = "turn" if is_on else tool
+            context.session.see_from("photo")
 
 
 def _draw_detail(context: PanelContext, detail: PhotoDetail) -> None:
-    """Draw the strength of the photo detail and the choice for the unseen side."""
+    """Draw the strength of the photo detail."""
     editor = context.session.editor
     percent = f"{detail.strength:.0%}"
     changed, strength = labelled_slider("photo detail", "Photo detail", detail.strength, (0.0, 1.0), percent, (6, 3))
@@ -214,9 +204,3 @@ def _draw_detail(context: PanelContext, detail: PhotoDetail) -> None:
         editor.set_detail(replace(detail, strength=strength), "photo detail")
     end_gesture(context)
     tooltip(_DETAIL_HELP)
-    imgui.align_text_to_frame_padding()
-    imgui.text("Other side")
-    imgui.same_line()
-    side = choose("other side", detail.other_side, _SIDES, _SIDES_HELP)
-    if side != detail.other_side:
-        editor.set_detail(replace(detail, other_side=side))

@@ -270,22 +270,12 @@ def _draw_form(settings: ShareSettings, instance: Instance) -> ShareSettings:
 
 
 def _draw_mesh(settings: ShareSettings, instance: Instance) -> ShareSettings:
-    """Draw the choices of a mesh: its colours, and its size in metres unless the object was sized."""
+    """Draw the choices of a mesh's colours."""
     if settings.mesh in TEXTURED:
         text = "An image shows more than vertices, on fewer triangles; a closed surface has its colours at the vertices"
         settings = _row(settings, "texture", "Colours", _TEXTURES, text)
-    if instance.is_sized:
-        _label("Size")
-        imgui.text("as in Sliders")
-        _draw_print_limit(settings, instance)
-        return settings
-    _label("Longest side")
-    imgui.set_next_item_width(hello_imgui.em_size(_WIDTH))
-    side = settings.mesh_settings(instance).metres or 1.0
-    changed, metres = imgui.drag_float("##metres", side, 0.01, 0.01, 1000.0, "%.2f m", imgui.SliderFlags_.always_clamp)
-    tooltip("The object stands on the ground, this large. Drag, or click to type")
     _draw_print_limit(settings, instance)
-    return replace(settings, metres=metres) if changed else settings
+    return settings
 
 
 def _draw_print_limit(settings: ShareSettings, instance: Instance) -> None:
@@ -325,6 +315,12 @@ def _label(text: str) -> None:
     imgui.same_line(hello_imgui.em_size(_LABEL))
 
 
+def _is_entered() -> bool:
+    """Return whether Enter was pressed in the dialog and is not meant for a control that the keyboard has chosen."""
+    is_free = imgui.is_window_focused() and not (imgui.get_io().nav_visible or imgui.is_any_item_active())
+    return is_free and any(map(imgui.is_key_pressed, (imgui.Key.enter, imgui.Key.keypad_enter)))
+
+
 def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
     """Draw the button that saves, or progress; below, the path of the last saved file."""
     exporting = context.session.exporting
@@ -335,7 +331,8 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
         name = f"{context.file_name}-{settings.kind}{settings.suffix}"
         save = partial(exporting.share, settings=_as_in_view(context, settings))
         where = f"As {printable(name)}\nin {printable(str(context.files.saves))}"
-        if button(f"{_SAVE}  Save {word}###save here", where, 10, idle, accent):
+        is_pressed = button(f"{_SAVE}  Save {word}###save here", where, 10, idle, accent)
+        if is_pressed or (idle and _is_entered()):
             save(context.files.unused(name))
         flow("Save as…")
         if button("Save as…###save", "Choose name and folder, which is where the next file is saved, too", 0, idle):

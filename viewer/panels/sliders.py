@@ -16,13 +16,13 @@ from viewer.values import orbit
 from viewer.values.direction import Direction
 from viewer.values.influence import influence
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import action_button, begin_tooltip_at, button, end_gesture, flow, is_pointed_at
+from viewer.widgets.controls import action_button, begin_tooltip_at, end_gesture, flow, is_pointed_at
 from viewer.widgets.size_row import draw_size
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 
 _DICE = icons_fontawesome_4.ICON_FA_RANDOM
 _RESET = icons_fontawesome_4.ICON_FA_UNDO
-_LOCKS = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
+_MOST = 2  # sliders of shape, and of texture: the directions along which objects differ most
 _PREVIEWS = (0.0, 0.5, 1.0)  # places along a slider
 _INFLUENCE = 96  # px, side of the compared renders
 _influence = lru_cache(1)(influence)  # of the two ends of a slider
@@ -39,17 +39,13 @@ class SlidersPanel(Panel):
         self.influence: np.ndarray | None = None  # the newest overlay, of a slider under the mouse
 
     def draw(self, context: PanelContext) -> None:
-        """Draw the buttons (random, reset, locks), the size, then the sliders."""
+        """Draw the buttons, the size, then the sliders."""
         editor = context.session.editor
         if not editor.history.gesture:
             self._basis = editor.scene.instance
         action_button(context, "sample", f"{_DICE}  Random")
         flow(f"{_RESET}  Reset")
         action_button(context, "reset", f"{_RESET}  Reset")
-        for number, kind in enumerate(CODE_KINDS):
-            if number:
-                flow(f"{_LOCKS[0]}  {kind.capitalize()}")
-            _draw_lock(context, kind)
         draw_size(context)
         words = context.session.words.of_model(editor.model)
         if words is None:
@@ -59,11 +55,9 @@ class SlidersPanel(Panel):
             for kind in CODE_KINDS:
                 imgui.spacing()
                 heading(context, kind.capitalize())
-                imgui.begin_disabled(kind in editor.locked)
-                for index, more in enumerate(words[kind]):
-                    if more:
-                        self._draw_slider(context, kind, index, (OPPOSITES.get(more, ""), more))
-                imgui.end_disabled()
+                named = [(index, more) for index, more in enumerate(words[kind]) if more]
+                for index, more in named[:_MOST]:
+                    self._draw_slider(context, kind, index, (OPPOSITES.get(more, ""), more))
         imgui.end_child()
 
     def _draw_slider(self, context: PanelContext, kind: CodeKind, index: int, ends: tuple[str, str]) -> None:
@@ -118,12 +112,3 @@ def _preview(
 ) -> Frame | None:
     """Return the thumbnail of an object moved along a direction, or None until it is rendered."""
     return context.session.thumbnails.get(direction.moved(instance, to), camera, soon=True)
-
-
-def _draw_lock(context: PanelContext, kind: CodeKind) -> None:
-    editor = context.session.editor
-    locked = kind in editor.locked
-    what = f"Let the {kind} change again" if locked else f"Keep the {kind}, whatever is picked or sampled"
-    colour = context.palette.accent if locked else None
-    if button(f"{_LOCKS[locked]}  {kind.capitalize()}###lock {kind}", what, colour=colour):
-        editor.lock(kind, not locked)

@@ -6,12 +6,12 @@ import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.detail.progressive import Frame
-from viewer.actions import ACTIONS, chords, is_pressed, is_typed, run_keys
+from viewer.actions import chords, is_pressed, is_typed, run_keys
 from viewer.context import Hints, Panel, PanelContext
 from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, WARM, packed
 from viewer.values import orbit
-from viewer.values.view_modes import USUAL_MODES, in_mode
-from viewer.widgets.controls import action_button, button, end_gesture, tooltip
+from viewer.values.view_modes import in_mode
+from viewer.widgets.controls import action_button, end_gesture, tooltip
 from viewer.widgets.over_view import OverView
 from viewer.widgets.size_box import draw_size_box
 from viewer.widgets.text import paint_on_plate
@@ -26,7 +26,6 @@ _BUTTONS = {
     "share": icons_fontawesome_4.ICON_FA_SHARE_ALT,
 }  # icons of buttons, by actions' ids
 _HINT = "Drag to turn    Wheel to zoom    F1 for help"  # between the buttons, if there is room
-_EYE = icons_fontawesome_4.ICON_FA_EYE
 _COVERED, _FREE = 4, 6  # divisors of the height: most that may be covered, and what the history may cover in place
 _NARROW = 26.0  # em: a narrower view has buttons without words
 _STILL = 3.0  # px of motion from which a click is a drag
@@ -143,6 +142,9 @@ class ViewPanel(Panel):
         for sign, steps in (("+", 1), ("-", -1)):
             if any(map(is_pressed, chords(sign))) or is_typed(sign):
                 self._nudge(context, orbit.zoomed(camera, steps, context.session.editor.model), "zoom")
+        if imgui.is_key_pressed(imgui.Key.tab):  # in the view, the keyboard turns the object and moves no focus
+            imgui.set_window_focus("Library")
+            imgui.set_nav_cursor_visible(True)
         run_keys(context, in_view=True)
 
     def _nudge(self, context: PanelContext, camera: orbit.Camera, gesture: str) -> None:
@@ -228,20 +230,9 @@ def _draw_buttons(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         labelled = action == "share" and size.x > _NARROW * em
         action_button(context, action, f"{icon}  Share" if labelled else icon)
     left = imgui.get_item_rect_max().x
-    words = context.session.viewport.settings.mode.capitalize()
-    label = f"{_EYE}  {words}" if size.x > _NARROW * em else _EYE
-    width = imgui.calc_text_size(label).x + 2 * imgui.get_style().frame_padding.x
-    right = corner.x + size.x - 0.7 * em - width
+    right = corner.x + size.x
     if context.preferences.newcomer and right - left > imgui.calc_text_size(_HINT).x + 3 * em:
         _note(ImVec2((left + right) / 2, corner.y + 0.7 * em + imgui.get_frame_height() / 2), _HINT, 0.3)
-    imgui.set_cursor_screen_pos(ImVec2(right, corner.y + 0.7 * em))
-    if button(f"{label}###mode", f"What the view shows: {ACTIONS['next_mode'].hint()}"):
-        imgui.open_popup("modes")
-    if imgui.begin_popup("modes"):
-        for mode in USUAL_MODES:
-            if imgui.menu_item_simple(mode.capitalize(), selected=mode == context.session.viewport.settings.mode):
-                context.session.viewport.change(mode=mode)
-        imgui.end_popup()
 
 
 def _note(centre: ImVec2, text: str, pad: float = 0.5) -> None:

@@ -43,7 +43,6 @@ class ShareSettings:
     unit: str = ""  # of the dimensions on a page, a picture or a film's last frame, one of :data:`DIMENSIONS`
     all_versions: bool = False  # a page or a glb holds all colours of the object
     room: bool = False  # phones place the object of a page in a room
-    metres: float = 0.0  # longest side of a mesh of an object that was not sized; 0: usual for the model
 
     def __post_init__(self) -> None:
         choices = (
@@ -59,7 +58,7 @@ class ShareSettings:
             raise ValueError(f"a mesh has 8 to {MAX_RESOLUTION} cells, got {self.cells}")
         if not 2 <= self.size <= 4096:
             raise ValueError(f"a file has 2 to 4096 px, got {self.size}")
-        MeshSettings(None, self.metres or 1.0, self.texture, self.triangles)
+        MeshSettings(None, None, self.texture, self.triangles)
 
     @property
     def suffix(self) -> str:
@@ -104,9 +103,9 @@ class ShareSettings:
     def mesh_settings(self, instance: Instance) -> MeshSettings:
         """Return the settings for writing an object as a mesh that stands on the ground, in metres.
 
-        Unless it was sized, its longest side is :attr:`metres`, or that usual for its model.
+        Unless it was sized, its longest side is that usual for its model.
         """
-        metres = None if instance.is_sized else self.metres or instance.model.metres
+        metres = None if instance.is_sized else instance.model.metres
         texture = self.texture if self.mesh in TEXTURED else 0
         return MeshSettings(self.cells or None, metres, texture, self.triangles)
 

@@ -15,6 +15,7 @@ _SOURCE = re.compile(
 )  # prefix of a mesh's name: its source
 _GENERATED = re.compile(r"^([a-z]+)-(\d{7})(?:-(\d{7}))?$")  # category, seed of the form, seed of the texture
 _VARIANT = re.compile(r"(-form\d+)?(-look\d+)?$")  # suffix of a deformed or recoloured mesh
+_NUMBERED = re.compile(r" \(\d+\)$")  # suffix of a name that was taken
 _NOUN = re.compile(r"(?<=[a-z])(?<!\barm)(?=(chair|stool)\b)")
 
 
@@ -30,7 +31,7 @@ def family(name: str) -> str:
 
 
 def readable(name: str) -> str:
-    """Return a readable name for a training object; other names are returned unchanged.
+    """Return a readable name for a training object, and any other name as it was given.
 
     >>> readable("blendswap_cc_0_antiquechair"), readable("kenney_chair_desk-form1-look2")
     ('Antique chair', 'Chair desk, form 1, look 2')
@@ -38,7 +39,7 @@ def readable(name: str) -> str:
     ('Chair 103, form 2', 'Chair stool', 'Ford ranger')
     >>> readable("polyhaven_bar_chair_round_01"), readable("zhabotinsky_hatchback_kiri10-look2")
     ('Bar chair round 01', 'Hatchback kiri 10, look 2')
-    >>> readable("chairs-0000087-0000287"), readable("my photo-2")
+    >>> readable("chairs-0000087-0000287"), readable("my photo-2 (3)")
     ('Chair 87, another look', 'my photo-2')
     """
     if generated := _GENERATED.match(name):
@@ -46,7 +47,7 @@ def readable(name: str) -> str:
         return f"{generated[1].removesuffix('s').capitalize()} {int(generated[2])}{look}"
     source = _SOURCE.match(name)
     if not source:
-        return name
+        return _NUMBERED.sub("", name)
     plain = name[source.end() :]
     variant = ""
     if suffix := _VARIANT.search(plain):

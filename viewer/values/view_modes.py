@@ -120,5 +120,4 @@ MODES: dict[str, Callable[[Frame, Camera], np.ndarray | None]] = {
     "samples": _samples,
     "source": _source,
 }
-USUAL_MODES = ("colour", "depth", "normals")  # the others are for developers
 _WITHOUT_BACKGROUND = ("opacity", "samples")  # modes whose images cover the background

@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import numpy as np
-from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
+from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from core.detail.progressive import Frame
-from core.models.codes import CodeKind
 from core.models.model import Instance
 from viewer.context import PanelContext
 from viewer.screen.theme import Colour, on, packed
@@ -16,10 +15,6 @@ from viewer.values.printable import as_label
 THUMBNAIL = 4.5  # em, side of most thumbnails: 72 px at the default text size
 DIMMED = 0.55  # opacity of the shade over stale tiles
 DRAGGED = "object"  # type of imgui's payload for an object dragged onto B
-ICONS: dict[CodeKind, str] = {
-    "shape": icons_fontawesome_4.ICON_FA_CUBE,
-    "texture": icons_fontawesome_4.ICON_FA_PAINT_BRUSH,
-}
 
 
 def paint(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:

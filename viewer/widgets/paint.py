@@ -24,7 +24,6 @@ def draw_paint(context: PanelContext) -> None:
     painting = context.session.painting
     imgui.align_text_to_frame_padding()
     imgui.text("Paint")
-    imgui.begin_disabled("texture" in context.session.editor.locked)
     if len(painting.parts) > 1:
         imgui.same_line()
         labels = {part: part.capitalize() for part in painting.parts}
@@ -40,7 +39,6 @@ def draw_paint(context: PanelContext) -> None:
     if button(f"{_BACK}###original paint", "Back to the original paint", enabled=not painting.is_original):
         painting.restore()
     _draw_swatches(context, imgui.get_content_region_avail().x)
-    imgui.end_disabled()
 
 
 def draw_colour_popup(context: PanelContext, name: str, swatches: bool = False) -> None:

@@ -39,8 +39,7 @@ def draw_size_box(context: PanelContext, corner: ImVec2, size: ImVec2, is_hinted
     instance = context.session.editor.scene.instance
     if is_tool or is_hinted:
         _draw_edges(context, projection, shown_bounds(instance, natural))
-    is_free = "shape" not in context.session.editor.locked
-    for grip in _grips(instance, natural, projection) if is_tool and is_free else ():
+    for grip in _grips(instance, natural, projection) if is_tool else ():
         _draw_grip(context, grip, projection.scale)
 
 

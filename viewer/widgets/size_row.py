@@ -20,7 +20,7 @@ def draw_size(context: PanelContext) -> None:
     editor = context.session.editor
     bounds = context.session.sizing.bounds
     heading(context, "Size")
-    imgui.begin_disabled(bounds is None or "shape" in editor.locked)
+    imgui.begin_disabled(bounds is None)
     gap = imgui.get_style().item_inner_spacing.x
     em = hello_imgui.em_size()
     icon = imgui.get_frame_height() / em + 0.6  # em, width of a button

@@ -9,6 +9,7 @@ from core.models.model import Instance
 from viewer.context import PanelContext
 from viewer.screen.theme import WARM, Colour, packed
 from viewer.values.objects import EditableObject
+from viewer.values.variety import readable
 from viewer.widgets.controls import NameField, tooltip
 
 COLOURS: dict[str, Colour] = {"sure": (0.35, 0.75, 0.5), "likely": (0.85, 0.8, 0.35), "doubtful": WARM}
@@ -78,6 +79,6 @@ class UserObjectMenu:
 
     def _draw_rename(self, name: str) -> None:
         if imgui.begin_menu("Rename###rename object"):
-            if new := self._field.draw(name):
+            if new := self._field.draw(readable(name)):
                 self._renamed = name, new
             imgui.end_menu()

@@ -30,6 +30,16 @@ def test_a_chosen_object_is_framed_as_a_part_of_that_edit(nearer: Session, edito
     assert editor.scene.camera.distance == 1.1
 
 
+@pytest.mark.parametrize("view", orbit.VIEWS)
+def test_a_standard_view_shows_the_whole_object(nearer: Session, editor: Editor, view: str) -> None:
+    editor.set_camera(orbit.zoomed(editor.scene.camera, 9.0, editor.model), gesture="zoom")
+    editor.end_gesture()
+    nearer.see_from(view)
+    finish(nearer)
+    assert editor.scene.camera.distance == 1.1
+    assert len(editor.history.past) == 2
+
+
 def test_a_hand_that_turns_the_object_is_never_disturbed(nearer: Session, editor: Editor) -> None:
     editor.show_object("object 2")
     turned = orbit.turned(editor.scene.camera, 0.3, 0.0)

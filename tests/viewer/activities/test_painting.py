@@ -132,7 +132,7 @@ def test_a_painted_colour_stays_known_after_another_edit(painted: Session, edito
     painting.paint((0.9, 0.0, 0.0))
     painting.release()
     finish(painted)
-    editor.take("shape", "object 4")
+    editor.move_along(Direction.principal(editor.model.codes, "shape", 0), 1.0)
     assert painting.colour == (0.9, 0.0, 0.0)
 
 

@@ -122,7 +122,7 @@ def test_chairs_and_cars_are_one_library(window: Driver) -> None:
     window.drop("Library/**/show object 3", "Mix/slot B")
     assert editor.model is cars
     assert session.messages.newest.text == "A chair cannot be mixed with a car: show it to begin with it"
-    window.click("##MainMenuBar/**/###show")
+    window.click("##MainMenuBar/##MenuBar/###show")
     assert editor.model is chairs
     window.click("Library/**/show object 2", 1)
     window.click("**/Make it B")

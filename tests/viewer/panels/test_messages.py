@@ -21,7 +21,7 @@ def test_a_tooltip_covers_neither_its_button_nor_what_follows(window: Driver) ->
 def test_esc_closes_what_is_on_top(window: Driver) -> None:
     context = window.context
     window.press(imgui.Key.f1)
-    window.click("View/###mode")
+    window.click("Library/**/show object 3", 1)
     assert imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
     window.press(imgui.Key.escape)
     assert not imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
@@ -42,7 +42,7 @@ def test_the_newest_message_covers_nothing_and_nothing_changes_under_the_mouse(w
         show = Button("Show", partial(pressed.append, name), name)
         messages.notify(f"Ready: {name}", buttons=(show,))
     window.ctx.yield_(3)
-    show = window.ctx.item_info("//##MainMenuBar/**/###show").rect_full
+    show = window.ctx.item_info("//##MainMenuBar/##MenuBar/###show").rect_full
     assert show.max.y <= window.context.view[0].y
     window.ctx.mouse_move_to_pos(show.get_center())
     messages.notify("A longer word than that before, which would move the button" * 9, buttons=OK)
@@ -52,8 +52,8 @@ def test_the_newest_message_covers_nothing_and_nothing_changes_under_the_mouse(w
     assert pressed == ["blue"], "nothing took the place of the pressed button"
     window.ctx.mouse_move_to_pos(ImVec2(5, 300))
     window.ctx.yield_(3)
-    button = window.ctx.item_info("//##MainMenuBar/**/###ok").rect_full
-    assert button.max.x < 900 and not window.exists("##MainMenuBar/**/###show")
-    window.click("##MainMenuBar/**/###ok")
+    button = window.ctx.item_info("//##MainMenuBar/##MenuBar/###ok").rect_full
+    assert button.max.x < 900 and not window.exists("##MainMenuBar/##MenuBar/###show")
+    window.click("##MainMenuBar/##MenuBar/###ok")
     window.ctx.yield_(3)
-    assert not window.exists("##MainMenuBar/**/###ok") and pressed == ["blue"]
+    assert not window.exists("##MainMenuBar/##MenuBar/###ok") and pressed == ["blue"]

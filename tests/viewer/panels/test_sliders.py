@@ -8,7 +8,6 @@ from imgui_bundle import ImVec2, imgui
 
 from core.editing.bounds import Bounds, portion_of
 from core.edits.bend import Bend
-from core.edits.stretch import Stretch
 from core.models.codes import CODE_KINDS
 from core.models.part_head import PartHead
 from tests.viewer.driver import Driver, in_window, tooltip
@@ -101,11 +100,6 @@ def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
     editor.undo()
     window.drag("View/orbit", 60, 0)
     assert editor.scene.instance == before.scene.instance  # beside the handles, the object turns
-    editor.lock("shape", True)
-    window.ctx.yield_(2)
-    assert not window.exists("View/**/##size 2 1")  # nothing resizes a locked shape
-    editor.edit(before.scene.instance.with_edits(Stretch, Stretch((1.5, 1.0, 1.0))))
-    assert editor.scene.instance == before.scene.instance
     window.press(imgui.Key.escape)
     assert window.context.tool == "turn"
 
@@ -178,9 +172,6 @@ def test_the_seats_line_is_dragged_with_the_mouse(window: Driver) -> None:
     assert len(editor.history.past) == 2
     window.undo()
     assert editor.state == before
-    editor.lock("shape", True)
-    window.ctx.yield_(2)
-    assert not window.exists("View/**/##size legs")
 
 
 @in_window()
@@ -216,7 +207,7 @@ def test_the_slider_under_the_mouse_shows_where_it_leads(window: Driver) -> None
     assert box.pos.y + box.size.y <= slider.min.y
 
 
-@in_window(fixture="real_backend")
+@in_window()
 def test_nothing_covers_what_a_pressed_slider_changed_until_the_mouse_has_left_it(window: Driver) -> None:
     window.show("Sliders")
     window.wait()
@@ -236,22 +227,6 @@ def test_nothing_covers_what_a_pressed_slider_changed_until_the_mouse_has_left_i
     window.ctx.mouse_move("//View/orbit")
     window.ctx.mouse_move("//Sliders/**/##shape 1")
     window.wait(lambda: tooltip(window) is not None and window.context.hints.overlay is not None)
-
-
-@in_window()
-def test_a_random_object_keeps_what_is_locked(window: Driver) -> None:
-    editor = window.session.editor
-    before = editor.scene.instance
-    window.show("Sliders")
-    window.click("Sliders/###lock texture")
-    window.click("Sliders/###sample")
-    assert not torch.equal(editor.code("shape"), before.codes.shape)
-    assert torch.equal(editor.code("texture"), before.codes.texture)
-    window.click("Sliders/###lock texture")
-    window.ctx.mouse_move("//View/orbit")
-    window.press(imgui.Key.r)
-    assert not torch.equal(editor.code("texture"), before.codes.texture)
-    assert len(editor.history.past) == 2
 
 
 @in_window(fixture="real_backend")

@@ -13,4 +13,4 @@ def test_variants_are_behind_the_first_of_their_form_under_readable_names() -> N
     }
     assert readable("scopia_armchair2") == "Armchair 2"
     assert readable("gazebo_hatchback_blue") == "Hatchback blue"
-    assert readable("photo of Tuesday (2)") == "photo of Tuesday (2)"
+    assert readable("photo of Tuesday (2)") == "photo of Tuesday"
