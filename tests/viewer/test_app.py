@@ -19,6 +19,7 @@ from viewer.services.backend import Backend
 from viewer.services.messages import UNFORESEEN
 from viewer.values import orbit
 from viewer.values.history import History
+from viewer.values.objects import EditableObject
 from viewer.values.preferences import Preferences
 from viewer.values.share_settings import KINDS
 
@@ -287,7 +288,11 @@ def look(window: Driver) -> None:
 
 @in_window(size=(900, 600))
 def test_the_wheel_scrolls_the_strip_and_tab_leaves_the_view(window: Driver, tmp_path: Path) -> None:
-    tile = "//Library/**/show object 2"
+    editor = window.session.editor
+    for number in range(12):
+        editor.objects.add(EditableObject(f"made {number}", editor.scene.instance))
+    window.ctx.yield_(3)
+    tile = "//Library/**/show made 9"
     before = window.ctx.item_info(tile).rect_full.min.x
     window.ctx.mouse_move(tile)
     window.ctx.mouse_wheel_y(-1.0)
