@@ -26,9 +26,10 @@ _LINE, _ROOM = 40, 7  # em, the longest line of a tooltip, and least room above 
 
 
 def tooltip(text: str, above: bool = True) -> None:
-    """Add a tooltip, if there is text, to imgui's last item, hidden once the item is pressed until the mouse left it.
+    """Add a tooltip, if there is text, to imgui's last item.
 
-    It is above the item, where there is room, so that what follows stays in sight.
+    A press hides the tooltip until the mouse has left the item. It is above the item, where there is room, so that what
+    follows stays in sight.
     """
     if not text or not is_pointed_at(imgui.HoveredFlags_.for_tooltip):
         return
