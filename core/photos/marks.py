@@ -75,10 +75,13 @@ def find_marks(
     return mask if (foreground & ~mask).any() else None
 
 
-def find_badges(image: Image.Image, foreground: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
+def find_badges(
+    image: Image.Image, foreground: Bool[np.ndarray, "height width"], box: Box | None
+) -> Bool[np.ndarray, "height width"]:
     """Return the discs and upright rectangles of one colour that touch the object of an RGB image.
 
-    As they are printed over the object, their outlines are whole.
+    As they are printed over the object, their outlines are whole. Flat parts of an object are upright rectangles, too,
+    but within the box in which it is detected.
     """
     import cv2  # imports in 0.2 s, and many images do not need it
 
@@ -89,9 +92,11 @@ def find_badges(image: Image.Image, foreground: Bool[np.ndarray, "height width"]
     areas = np.bincount(regions.ravel(), minlength=count + 1) / foreground.sum()
     pieces, _ = label(foreground, np.ones((3, 3)))
     badges = np.zeros_like(foreground)
+    detected = np.ones_like(foreground) if box is None else filled(box, image)
     for number, window in enumerate(find_objects(regions), 1):
         region = regions[window] == number
-        if _BADGE[0] < areas[number] < _BADGE[1] and _is_badge(region, colours[window]):
+        beyond = bool(region.sum() > 2 * (region & detected[window]).sum())
+        if _BADGE[0] < areas[number] < _BADGE[1] and _is_badge(region, colours[window], beyond):
             shape = np.zeros_like(foreground)
             shape[window] = binary_fill_holes(region)
             grown = binary_dilation(shape, iterations=_RIM)
@@ -127,8 +132,14 @@ def _is_mixture(
     return np.linalg.norm(colours - 255 - amount[..., None] * from_white, axis=-1) < _MIXED
 
 
-def _is_badge(region: Bool[np.ndarray, "rows columns"], colours: UInt8[np.ndarray, "rows columns 3"]) -> bool:
-    """True for a region that fills its bounding box, or an ellipse there, with one colour that no tyre has."""
+def _is_badge(
+    region: Bool[np.ndarray, "rows columns"], colours: UInt8[np.ndarray, "rows columns 3"], beyond: bool
+) -> bool:
+    """True for a region that fills a disc, or its bounding box, with one colour that no tyre has.
+
+    Args:
+        beyond: most of it is outside the box in which the object is detected, as rectangles have to be.
+    """
     colour = np.median(colours[region], axis=0)
     if np.quantile(np.abs(colours[region] - colour).max(-1), 0.95) > _FLAT:
         return False
@@ -137,7 +148,7 @@ def _is_badge(region: Bool[np.ndarray, "rows columns"], colours: UInt8[np.ndarra
         return False
     height, width = shape.shape
     if shape.mean() > _WHOLE_SHAPE:
-        return True
+        return beyond
     y, x = (np.mgrid[:height, :width] + 0.5) / np.array([height, width])[:, None, None] - 0.5
     disc = x * x + y * y < 0.25
     lightness, *chroma = rgb2lab(colour / 255)

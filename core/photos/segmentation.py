@@ -231,8 +231,9 @@ def _find_graphics(
     nothing = np.zeros_like(foreground)
     if max(rgb.size) < SHOP_SIDE:
         return nothing
-    badges = find_badges(rgb, foreground)
-    strokes = find_strokes(rgb, foreground, detections[0].box) if detections else nothing
+    box = detections[0].box if detections else None
+    badges = find_badges(rgb, foreground, box)
+    strokes = find_strokes(rgb, foreground, box) if box else nothing
     graphics = badges | strokes
     return graphics if (foreground & graphics).sum() < _GRAPHICS * foreground.sum() else nothing
 

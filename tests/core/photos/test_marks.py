@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw
 from core.models.library import sample_images
 from core.photos.decode import on_white, read_rgba
 from core.photos.detector import Detection
-from core.photos.marks import find_marks
+from core.photos.marks import find_badges, find_marks
 from core.photos.segmentation import CutOut, cut_out
 
 SIDE = 600  # px
@@ -99,6 +99,18 @@ def test_a_badge_that_touches_the_object_is_left_out_and_doubted(category: str, 
     assert overlap(cut, truth) > 0.95
     assert max(cut.categories, key=cut.categories.__getitem__) == category
     assert cut.confidence <= 0.5
+
+
+def test_a_flat_seat_is_no_badge():
+    picture = Image.new("RGB", (SIDE, SIDE), "white")
+    pen = ImageDraw.Draw(picture)
+    pen.polygon([(220, 330), (250, 330), (230, 560), (190, 560)], fill=(90, 90, 90))
+    pen.polygon([(350, 330), (380, 330), (410, 560), (370, 560)], fill=(90, 90, 90))
+    pen.rectangle((200, 250, 400, 330), fill=(190, 30, 30))
+    foreground = np.asarray(picture).min(-1) < 250
+    whole = (190.0, 250.0, 410.0, 560.0)
+    assert not find_badges(picture, foreground, whole).any() and not find_badges(picture, foreground, None).any()
+    assert find_badges(picture, foreground, (190.0, 340.0, 410.0, 560.0))[300, 300]
 
 
 @pytest.mark.parametrize("category", ["cars", "chairs"])
