@@ -106,11 +106,11 @@ def test_a_flat_seat_is_no_badge():
     pen = ImageDraw.Draw(picture)
     pen.polygon([(220, 330), (250, 330), (230, 560), (190, 560)], fill=(90, 90, 90))
     pen.polygon([(350, 330), (380, 330), (410, 560), (370, 560)], fill=(90, 90, 90))
-    pen.rectangle((200, 250, 400, 330), fill=(190, 30, 30))
+    pen.rectangle((200, 290, 400, 330), fill=(190, 30, 30))
     foreground = np.asarray(picture).min(-1) < 250
-    whole = (190.0, 250.0, 410.0, 560.0)
+    whole = (0.3, 0.4, 0.7, 0.95)
     assert not find_badges(picture, foreground, whole).any() and not find_badges(picture, foreground, None).any()
-    assert find_badges(picture, foreground, (190.0, 340.0, 410.0, 560.0))[300, 300]
+    assert find_badges(picture, foreground, (0.3, 0.55, 0.7, 0.95))[310, 300]
 
 
 @pytest.mark.parametrize("category", ["cars", "chairs"])
