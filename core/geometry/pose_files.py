@@ -20,8 +20,9 @@ _HINTS = {  # error messages for poses with other axes
     "opencv inverse": "it goes from world to camera; its inverse is wanted",
     "opengl inverse": "it goes from world to camera, in OpenGL axes; its inverse is wanted",
 }
-_FOCALS = "camera_angle_x", "fl_x", "fl_y"  # fields that give a focal length
-_DISTORTIONS = "k1", "k2", "k3", "k4", "p1", "p2"
+_FOCALS = "camera_angle_x", "camera_angle_y", "fl_x", "fl_y"  # fields that give a focal length
+_LIMITS = dict.fromkeys(_FOCALS[:2], math.pi) | dict.fromkeys((*_FOCALS[2:], "w", "h"), math.inf)
+_DISTORTIONS = "k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"
 _MAX_DISTORTION = 1e-3  # moves the corners of an image by less than half a pixel at a model's size
 _PINHOLE_MODELS = "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"  # without distortion
 _TOLERANCE = 0.01  # relative to the focal length or the image: a pixel at a model's size
@@ -37,9 +38,16 @@ class PosedImage(NamedTuple):
     pose: Float[Tensor, "4 4"]  # camera to world, OpenCV axes, float64
     focal: float | None = None  # in image widths; None: the model's
     mask: Path | None = None  # white on the object; None: none beside the image
+    aspect: float | None = None  # image height in widths; None if the file gives none
 
     def camera(self, width: int, height: int, focal: float = 1.0) -> Camera:
-        """Return the camera of an image of a size in px; ``focal`` (px) is used unless the file gives one."""
+        """Return the camera of an image of a size in px; ``focal`` (px) is used unless the file gives one.
+
+        Raises ``ValueError`` for a size of other proportions than the file's.
+        """
+        if self.aspect and abs(self.aspect * width - height) > 1 + _TOLERANCE * height:
+            sizes = f"the image's height is {height / width:.3f} of its width, but {self.aspect:.3f} by w and h"
+            raise ValueError(f"{sizes} of its pose: it was cropped or turned after that")
         return Camera.from_pose(self.pose, focal if self.focal is None else self.focal * width, width, height)
 
 
@@ -48,6 +56,7 @@ class _Intrinsics:
     """JSON of a camera's lens: of a frame or, for frames without their own, of the whole file."""
 
     camera_angle_x: float | None = None  # rad, horizontal field of view
+    camera_angle_y: float | None = None  # rad, vertical field of view
     fl_x: float | None = None  # px, instead of the angle
     w: float | None = None  # px
     fl_y: float | None = None  # px
@@ -58,8 +67,11 @@ class _Intrinsics:
     k2: float = 0.0
     k3: float = 0.0
     k4: float = 0.0
+    k5: float = 0.0
+    k6: float = 0.0
     p1: float = 0.0
     p2: float = 0.0
+    distortion_params: tuple[float, ...] = ()
     is_fisheye: bool = False
     camera_model: str = "PINHOLE"  # COLMAP's name
 
@@ -114,10 +126,7 @@ def read_transforms(path: Path, scale: float = 1.0) -> tuple[PosedImage, ...]:
         frames = typed(_Transforms, _with_intrinsics(content), name="transforms").frames
         if not frames:
             raise ValueError("it has no frames")
-        return tuple(
-            PosedImage(path.parent / frame.file_path.replace("\\", "/"), _pose_of(frame, scale), _focal(frame))
-            for frame in frames
-        )
+        return tuple(_posed_image(path.parent, frame, scale) for frame in frames)
 
 
 def scaled(pose: Float[Tensor, "4 4"], scale: float) -> Float[Tensor, "4 4"]:
@@ -171,17 +180,36 @@ def _inherited(frame: Any, common: dict[str, Any]) -> Any:
 
 
 def _focal(frame: _Frame) -> float:
-    """Return a frame's focal length in image widths. Raises ``ValueError`` for other cameras than pinhole cameras."""
-    _require_pinhole(frame)
-    angle = frame.camera_angle_x
-    by_angle = 0.5 / math.tan(angle / 2) if angle is not None and 0 < angle < math.pi else None
-    by_length = frame.fl_x / frame.w if frame.fl_x and frame.w and frame.fl_x > 0 and frame.w > 0 else None
-    if by_angle and by_length and abs(by_length / by_angle - 1) > _TOLERANCE:
-        raise ValueError(f"{frame.file_path}: fl_x / w is {by_length:.3f}, but camera_angle_x says {by_angle:.3f}")
-    focal = by_length or by_angle
-    if focal is None:
+    """Return a frame's focal length in image widths, on which all its fields must agree."""
+    if not (focals := _focals(frame)):
         raise ValueError("it needs camera_angle_x (the horizontal field of view, 0 to 3.14), or fl_x and w")
-    return focal
+    first = next(iter(focals))
+    for name, focal in focals.items():
+        if abs(focal / focals[first] - 1) > _TOLERANCE:
+            stated = f"{name} says a focal length of {focal:.3f} image widths, but {first} {focals[first]:.3f}"
+            raise ValueError(f"{frame.file_path}: {stated}")
+    return focals[first]
+
+
+def _focals(frame: _Frame) -> dict[str, float]:
+    """Return the focal length in image widths by each field that states it."""
+    sides = {"camera_angle_x": 1.0, "camera_angle_y": _aspect(frame)}
+    focals = {}
+    for name in ("camera_angle_x", "fl_x", "camera_angle_y", "fl_y"):
+        value = getattr(frame, name)
+        if value and name not in sides and not frame.w:
+            raise ValueError(f"{frame.file_path}: {name} needs w, the image's width in px")
+        if value and (side := sides.get(name, frame.w)):
+            focals[name] = 0.5 * side / math.tan(value / 2) if name in sides else value / side
+    return focals
+
+
+def _aspect(frame: _Frame) -> float | None:
+    """Return the image's height in widths; None if the frame does not state it."""
+    if frame.w and frame.h:
+        return frame.h / frame.w
+    angles = frame.camera_angle_x, frame.camera_angle_y
+    return math.tan(angles[1] / 2) / math.tan(angles[0] / 2) if angles[0] and angles[1] else None
 
 
 def _require_pinhole(frame: _Frame) -> None:
@@ -189,15 +217,24 @@ def _require_pinhole(frame: _Frame) -> None:
     if frame.is_fisheye or frame.camera_model not in _PINHOLE_MODELS:
         model = "fisheye" if frame.is_fisheye else frame.camera_model
         raise ValueError(f"{frame.file_path}: camera_model {model} is not read: undistort the images first")
-    for name in _DISTORTIONS:
-        if abs(value := getattr(frame, name)) > _MAX_DISTORTION:
+    for name, limit in _LIMITS.items():
+        if (value := getattr(frame, name)) is not None and not 0 < value < limit:
+            raise ValueError(f"{frame.file_path}: {name} {value:g} is not between 0 and {limit:.3g}")
+    distortions = {name: getattr(frame, name) for name in _DISTORTIONS}
+    distortions["distortion_params"] = max(frame.distortion_params, key=abs, default=0.0)
+    for name, value in distortions.items():
+        if abs(value) > _MAX_DISTORTION:
             raise ValueError(f"{frame.file_path}: {name} = {value:g} distorts: undistort the images first")
-    if frame.fl_x and frame.fl_y and abs(frame.fl_y / frame.fl_x - 1) > _TOLERANCE:
-        raise ValueError(f"{frame.file_path}: fl_y {frame.fl_y:g} differs from fl_x {frame.fl_x:g}: make pixels square")
     for name, axis, side, size in (("cx", frame.cx, "w", frame.w), ("cy", frame.cy, "h", frame.h)):
         if axis is not None and not (size and abs(axis / size - 0.5) <= _TOLERANCE):
             stated = f"{name} {axis:g} is not the image's middle ({side} is {size or 'missing'})"
             raise ValueError(f"{frame.file_path}: {stated}: crop the images")
+
+
+def _posed_image(folder: Path, frame: _Frame, scale: float) -> PosedImage:
+    _require_pinhole(frame)
+    image = folder / frame.file_path.replace("\\", "/")
+    return PosedImage(image, _pose_of(frame, scale), _focal(frame), aspect=_aspect(frame))
 
 
 def _pose_of(frame: _Frame, scale: float) -> Float[Tensor, "4 4"]:
@@ -205,7 +242,7 @@ def _pose_of(frame: _Frame, scale: float) -> Float[Tensor, "4 4"]:
     rows = frame.transform_matrix
     if len(rows) not in (3, 4):
         raise ValueError(f"the transform_matrix of {frame.file_path} has 3 or 4 rows, got {len(rows)}")
-    matrix = torch.tensor([*rows[:3], (0, 0, 0, 1)], dtype=torch.float64)
+    matrix = torch.tensor([*rows, (0, 0, 0, 1)][:4], dtype=torch.float64)
     pose = scaled(_as_opencv(matrix, "opengl"), scale)
     try:
         Camera.from_pose(pose, 1.0, 1, 1)

@@ -83,8 +83,13 @@ def test_frames_are_looked_up_by_file_name_and_folder(tmp_path: Path) -> None:
     ("content", "message"),
     [
         ({"frames": []}, "no frames"),
-        ({"camera_angle_x": 4.0}, "needs camera_angle_x"),
-        ({"camera_angle_x": None, "fl_x": 3.0}, "or fl_x and w"),
+        ({"camera_angle_x": 4.0}, "camera_angle_x 4 is not between 0 and 3.14"),
+        ({"camera_angle_x": None}, "needs camera_angle_x"),
+        ({"camera_angle_x": None, "camera_angle_y": 0.9}, "needs camera_angle_x"),
+        (
+            {"frames": [{"file_path": "a", "transform_matrix": np.vstack((OPENGL[:3], [0, 0, 0, 2])).tolist()}]},
+            "a: the",
+        ),
         ({"frames": [{"file_path": "a", "transform_matrix": [[1, 0, 0, 0]] * 2}]}, "3 or 4 rows, got 2"),
         ({"frames": [{"file_path": "a", "transform_matrix": [[1, 0, 0]] * 4}]}, "has 4 parts, got 3"),
         ({"frames": [{"file_path": "a", "transform_matrix": np.eye(4).tolist()}]}, "a: the camera of a pose must not"),
@@ -117,6 +122,8 @@ def write_frames(folder: Path, common: dict, *intrinsics: dict) -> Path:
         ({"fl_x": 180, "fl_y": 180.5, "w": 200, "h": 100, "cx": 100.4, "cy": 49.9, "k1": 0, "p2": 0.0}, {}, 0.9),
         ({"fl_x": 180, "w": 200, "camera_model": "OPENCV", "is_fisheye": False}, {}, 0.9),
         ({"fl_x": 180, "w": 200, "camera_angle_x": 1.0141}, {}, 0.9),
+        ({"fl_x": None, "w": 200, "h": 100}, {"camera_angle_y": 2 * math.atan(0.25 / 0.9)}, 0.9),
+        ({"fl_x": 180, "w": 200, "distortion_params": [0.0] * 6}, {"camera_angle_y": 0.9}, 0.9),
     ],
 )
 def test_a_frame_has_the_focal_length_that_it_states(common: dict, own: dict, focal: float, tmp_path: Path) -> None:
@@ -137,8 +144,15 @@ def test_a_frame_has_the_focal_length_that_it_states(common: dict, own: dict, fo
         ({"camera_model": "OPENCV_FISHEYE"}, "camera_model OPENCV_FISHEYE is not read"),
         ({"camera_model": "EQUIRECTANGULAR"}, "camera_model EQUIRECTANGULAR is not read"),
         ({"is_fisheye": True}, "camera_model fisheye is not read"),
-        ({"fl_y": 270}, "fl_y 270 differs from fl_x 180"),
-        ({"camera_angle_x": 0.5}, "but camera_angle_x says 1.958"),
+        ({"k5": 0.1}, "k5 = 0.1 distorts"),
+        ({"distortion_params": [0, -0.3]}, "distortion_params = -0.3 distorts"),
+        ({"fl_y": 270}, "fl_y says a focal length of 1.350 image widths, but fl_x 0.900"),
+        ({"camera_angle_x": 0.5}, "fl_x says a focal length of 0.900 image widths, but camera_angle_x 1.958"),
+        ({"camera_angle_y": 0.5, "h": 100}, "camera_angle_y says a focal length of 0.979"),
+        ({"camera_angle_x": 50}, "camera_angle_x 50 is not between 0 and 3.14"),
+        ({"camera_angle_x": 0.9, "w": None}, "fl_x needs w"),
+        ({"camera_angle_x": 0.9, "fl_x": -180}, "fl_x -180 is not between 0 and inf"),
+        ({"camera_angle_x": 0.9, "w": -200}, "w -200 is not between"),
         ({"fl_x": "wide"}, "fl_x must be a finite number"),
     ],
 )
@@ -148,6 +162,15 @@ def test_other_lenses_are_refused_by_name(intrinsics: dict, message: str, in_fra
     path = write_frames(tmp_path, {} if in_frame else stated, stated if in_frame else {})
     with pytest.raises(ValueError, match=rf"transforms\.json: .*{message}"):
         read_transforms(path)
+
+
+@pytest.mark.parametrize("stated", [{"w": 400, "h": 200}, {"camera_angle_x": 1.0141, "camera_angle_y": 0.5417}])
+def test_an_image_of_other_proportions_than_its_pose_is_refused(stated: dict, tmp_path: Path) -> None:
+    view, _ = read_transforms(write_frames(tmp_path, {"camera_angle_x": 1.0141} | stated, {}, {}))
+    assert view.camera(100, 50).focal == view.camera(100, 51).focal == pytest.approx(90, rel=1e-3)
+    for width, height in ((50, 100), (100, 60)):
+        with pytest.raises(ValueError, match=r"height is \S+ of its width, but 0.500 by w and h of its pose"):
+            view.camera(width, height)
 
 
 @pytest.mark.parametrize("scale", [0.05, 0.3, 4.0])
