@@ -2,12 +2,14 @@
 
 Codes reach the network as biases (:class:`core.models.field.Field`). What codes can say is a thin surface in the space
 of those biases; offsets lead off it, to objects unlike the training objects (:mod:`core.fitting.free`). An object of
-several photos has offsets of all weights, and so a network of its own (:mod:`core.models.network`).
+photos from several sides has offsets of weights, too, and so a network of its own (:mod:`core.models.network`).
 """
 
 import base64
 from collections.abc import Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
+from hashlib import sha256
 from typing import Literal
 
 import numpy as np
@@ -42,12 +44,16 @@ class Latents:
     @property
     def shape_key(self) -> tuple[Hashable, ...]:
         """All numbers of the shape, as a comparable key."""
-        return _key(self.shape, self.shape_offsets)
+        return self._keys[0]
 
     @property
     def texture_key(self) -> tuple[Hashable, ...]:
         """All numbers of the texture, as a comparable key."""
-        return _key(self.texture, self.texture_offsets)
+        return self._keys[1]
+
+    @cached_property
+    def _keys(self) -> tuple[tuple[Hashable, ...], tuple[Hashable, ...]]:
+        return _key(self.shape, self.shape_offsets), _key(self.texture, self.texture_offsets)
 
     def __eq__(self, value: object) -> bool:
         if not isinstance(value, Latents):
@@ -59,9 +65,8 @@ class Latents:
 
     def __getstate__(self) -> dict[str, object]:
         """Return the fields to pickle; a row of a code book without the book."""
-        return {
-            name: value.detach().clone() if isinstance(value, Tensor) else value for name, value in vars(self).items()
-        }
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return {name: value.detach().clone() if isinstance(value, Tensor) else value for name, value in values.items()}
 
     @property
     def untextured(self) -> "Latents":
@@ -98,8 +103,9 @@ def _to_texts(offsets: Float16[Tensor, "rows width"]) -> list[str]:
 
 
 def _key(code: Tensor, offsets: Tensor | None) -> tuple[Hashable, ...]:
-    # Bytes, as a network has a hundred thousand numbers; adding zero turns -0.0, which is equal, into 0.0.
-    return *code.flatten().tolist(), *(() if offsets is None else ((offsets + 0.0).cpu().numpy().tobytes(),))
+    # A hash, as caches keep keys and a network has 100,000 numbers. Adding zero turns -0.0 into 0.0, which is equal.
+    digests = () if offsets is None else (sha256((offsets + 0.0).cpu().numpy().tobytes()).digest(),)
+    return *code.flatten().tolist(), *digests
 
 
 def mixed_offsets(

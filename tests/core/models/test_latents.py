@@ -1,5 +1,6 @@
 """Offsets are part of an object: mixed, taken and stored with the codes, and rendered by every renderer."""
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -121,8 +122,17 @@ def test_objects_with_other_offsets_are_other_objects(tiny: Model):
     for unequal in (tiny[0], instance.changed(shape_offsets=offsets(7)), instance.changed(texture_offsets=None)):
         assert instance != unequal
     assert instance.codes.texture_key == instance.changed(shape_offsets=None).codes.texture_key
+    zeros = torch.zeros(BLOCKS, WIDTH).half()
+    assert tiny[0].changed(shape_offsets=zeros) == tiny[0].changed(shape_offsets=-zeros)
     with pytest.raises(ValueError, match="finite"):
         Latents(torch.zeros(2), torch.zeros(2), torch.full((2, 3), torch.inf).half())
+
+
+def test_a_key_is_short_and_no_part_of_a_pickled_object(tiny: Model):
+    codes = tiny[0].changed(shape_offsets=offsets(0, 1000)).codes
+    assert len(pickle.dumps(codes.shape_key)) < 200
+    assert "_keys" in vars(codes) and "_keys" not in codes.__getstate__()
+    assert pickle.loads(pickle.dumps(codes)) == codes
 
 
 def test_a_scene_keeps_offsets_exactly_and_refuses_those_of_another_network(tiny: Model, tmp_path: Path):
