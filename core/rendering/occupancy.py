@@ -250,7 +250,7 @@ def _similar_occupancy(instance: Instance) -> Occupancy | None:
     space = instance.model.codes.shape_space
     for (model, last, edits), occupancy in CACHE.newest(CacheKind.SHAPE):
         if model is instance.model and not edits:
-            if has_network(model, codes) != has_network(model, last):
+            if has_network(model, codes.untextured) != has_network(model, last):
                 return None
             away = float(space.distance(codes.shape, last.shape))
             offset_away = float((_bias_offsets(model, codes) - _bias_offsets(model, last)).square().mean().sqrt())

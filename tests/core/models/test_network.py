@@ -13,8 +13,9 @@ from core.models.model import Instance, Model
 from core.models.motion import moved_along
 from core.models.network import copy_field, has_network, weight_offsets, with_network
 from core.models.scene import Scene, open_scene, save_image
-from core.rendering.fast import render
+from core.rendering.fast import clear_cache, render
 from core.rendering.images import render_image
+from core.rendering.occupancy import shape_occupancy
 from core.rendering.reference import render_exact
 from core.streams import run_to_end
 from tests.core.baked_reference import render_baked
@@ -92,6 +93,13 @@ def test_previews_of_a_changing_mixture_show_its_network(tiny: Model):
         mixed = tiny[0].mixed(owning(tiny, 0), amount, amount)
         preview = render(mixed, camera, 64, complete=False)
         assert float((preview.colour - render_exact(mixed, camera).colour).abs().mean()) < 0.01
+
+
+def test_a_changing_shape_reuses_occupied_cells_although_the_texture_has_a_network(tiny: Model):
+    clear_cache()
+    instance = tiny[0].taking("texture", owning(tiny, 0))
+    assert shape_occupancy(instance).complete
+    assert not shape_occupancy(instance.moved("shape", torch.full((2,), 1e-3)), complete=False).complete
 
 
 def test_a_scene_keeps_the_network_in_a_file_and_in_an_image(tiny: Model, tmp_path: Path):
