@@ -71,6 +71,13 @@ def test_help_lists_every_benchmark() -> None:
     assert tuple(BENCHMARKS) == BENCHMARK_NAMES
 
 
+def test_help_tells_every_default_once() -> None:
+    commands = next(iter(build_parser()._subparsers._group_actions)).choices
+    for command in commands.values():
+        texts = [command._get_formatter()._get_help_string(action) or "" for action in command._actions]
+        assert max(text.count("(default: ") for text in texts) <= 1
+
+
 def test_help_lists_every_format_that_can_be_written() -> None:
     """They are written out in the parser, as the tables hold writers that load torch."""
     commands = next(iter(build_parser()._subparsers._group_actions)).choices
