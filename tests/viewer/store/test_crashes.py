@@ -23,7 +23,7 @@ from tests.viewer.driver import finish, keep
 from tests.viewer.stand_ins import detailed_fit, no_guess, quick_frames, quick_photo, two_models
 from viewer.activities import recording
 from viewer.services.backend import Backend
-from viewer.services.messages import MessageKind
+from viewer.services.messages import OK, MessageKind
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.store import store
@@ -237,7 +237,7 @@ def test_a_damaged_database_is_set_aside_and_what_can_be_read_goes_on(
     again = Session(worker, backend, 0, tmp_path)
     again.resume()
     again.tick()
-    assert "was damaged" in again.messages.all[0].text and again.messages.all[0].lasts
+    assert "was damaged" in again.messages.all[0].text and again.messages.all[0].buttons == OK
     assert again.messages.errors == []
     assert (tmp_path / "work damaged.codenerf").read_bytes() == damaged
     assert bool(again.editor.objects.own) == (harm == "pages")
