@@ -1,4 +1,4 @@
-"""The free stage of a fit: after the codes are found, every bias of the field is free, then every weight.
+"""The free stage of a fit: after the codes are found, every bias of the field is free, then its weights.
 
 A code of 64 numbers enters the network as some 300 biases, so codes reach only a thin surface in the space of biases.
 Offsets from that surface are found like codes, by Gauss-Newton steps on the photos. Their prior is normal, with the

@@ -1,4 +1,4 @@
-"""The network stage of a fit: photos from several sides free all weights of the object's network.
+"""The network stage of a fit: photos from several sides free the weights of the object's network.
 
 Freedom grows with evidence (:func:`frees_network`). From the object with free biases on, Adam moves weights, biases and
 unknown cameras together. Two prices join the loss of the search: the squared distance from the category's weights, and
@@ -72,7 +72,8 @@ def free_network(
     """Yield the codes with the best network so far, and its biases and cameras, after each update.
 
     Args:
-        origin, freed: codes, and the hypothesis of free biases around them (:func:`core.fitting.free.free_biases`).
+        origin, freed: codes, and the hypothesis of free biases around them, as :func:`core.fitting.free.free_object`
+            yields them.
         stage: of the biases; there are as many updates as it has steps.
     """
     training = _Training(problem, origin, freed, stage, generator)
@@ -159,7 +160,7 @@ class _Training:
         haze = _haze(_render(trained, haze_rays, self._samples, biases, cells, present))
         offsets = torch.cat(_weights(self._field)) - torch.cat(_weights(self._problem.model.field))
         prior = _WEIGHT_PRIOR * self._objective.code_prior * offsets.square().sum()
-        return value + _HAZE_PRICE * haze + prior
+        return value + _HAZE_PRICE * haze + prior.cpu()
 
     def _parameters(self) -> Parameters:
         start = self._start.parameters
@@ -172,7 +173,7 @@ class _Training:
         """Return the codes with the present network."""
         model = self._problem.model
         shape, texture = (
-            torch.cat((torch.zeros_like(std).half(), offsets))
+            torch.cat((torch.zeros_like(std).half(), offsets)).cpu()
             for std, offsets in zip(model.bias_std, weight_offsets(self._field, model.field), strict=True)
         )
         return replace(self._origin, shape_offsets=shape, texture_offsets=texture)
@@ -217,6 +218,9 @@ def _render(
     cells: Bool[Tensor, "1 x y z"] | None,
     present: Model | None = None,
 ) -> Float[Tensor, "1 views rays 4"]:
-    """Render rays; with gradients through the weights, if a present network chooses the samples."""
+    """Render rays, and return them on the processor.
+
+    Gradients go through the weights if a present network chooses the samples.
+    """
     with autocast(model.device):
-        return render_top_samples(model, rays, samples, max(2, samples // 6), *biases, cells, present)
+        return render_top_samples(model, rays, samples, max(2, samples // 6), *biases, cells, present).cpu()

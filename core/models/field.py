@@ -89,7 +89,8 @@ class Field(nn.Module):
     def texture_weights(self) -> tuple[Float[Tensor, "_ width"], ...]:
         """The weights of the texture part, as :attr:`shape_weights`.
 
-        Those of the viewing direction are left out: few photos do not show how colours depend on it.
+        Those of the viewing direction are left out, as few photos do not show how colours depend on it, and so is the
+        last layer, whose rows are shorter.
         """
         entry = self.direction_layer
         blocks = _matrices(self.texture_block)

@@ -1,7 +1,7 @@
 """The network of an object: the category's or, with offsets of its weights, the object's own.
 
 Offsets begin with those of the biases, which every fitted object has (:meth:`core.models.model.Model.biases`). The
-offsets of the weights follow. The first layer and the effect of the viewing direction stay the category's.
+offsets of the weights follow. The first and the last layer and the effect of the viewing direction stay the category's.
 """
 
 import copy

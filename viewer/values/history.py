@@ -13,7 +13,7 @@ from viewer.values.state import Label, Pair, State
 from viewer.values.variety import readable
 
 _LARGEST = 2**60  # limit of a step's number, so that later ones are integers of a database
-DEPTH = 500  # states kept beside the current one; a state holds a few hundred numbers
+DEPTH = 500  # states kept beside the current one; one holds a few hundred numbers, or 0.2 MB if it mixes a network
 
 
 class Step(NamedTuple):
