@@ -26,6 +26,7 @@ from core.cli.fit import Stopwatch, check_counts, fit_images, fitted_scene, phot
 from core.cli.output import collected_lines, say
 from core.photos.clip import is_clip
 from core.runtime.files import atomic_file, require_writable
+from core.runtime.pipes import refuse_pipe
 from core.runtime.threads import thread_count, use_threads
 
 Row = dict[str, Any]
@@ -106,8 +107,9 @@ def _key(single: argparse.Namespace) -> str:
 def _content(path: Path) -> bytes:
     """Return a digest of a file's content; empty if it cannot be read, which its fit will report."""
     try:
+        refuse_pipe(path)
         return hashlib.sha256(path.read_bytes()).digest()
-    except OSError:
+    except (OSError, ValueError):
         return b""
 
 

@@ -70,6 +70,15 @@ def test_every_photo_has_a_row_and_a_failure_stops_no_other_fit(capsys: pytest.C
     assert image_size(Path("out/contact-sheet.png"))[0] > 600
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_in_a_folder_of_photos_is_refused_without_waiting():
+    Path("photos").mkdir()
+    os.mkfifo("photos/a.png")
+    main("fit --each photos --model m.safetensors --preset draft --out out".split())
+    (row,) = map(json.loads, lines())
+    assert "photos/a.png is a pipe or a device" in row["error"]
+
+
 def test_only_photos_without_a_result_are_fitted():
     main(words("red.png", "green.png"))
     before = lines()
