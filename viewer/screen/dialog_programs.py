@@ -69,7 +69,8 @@ class ProgramDialog:
     def result(self) -> str:
         """Return the chosen path, empty if cancelled. Raises ``OSError`` if the program failed."""
         status = self._process.returncode
-        if status == 0 or (status == _CANCELLED and self._seconds > _QUICK and not self._errors):
+        is_cancelled = status in (0, _CANCELLED) and self._seconds > _QUICK and not self._errors
+        if is_cancelled or (status == 0 and self._answer):
             return self._answer
         raise OSError(f"{self._program} ended with status {status}: {self._errors}")
 

@@ -1,6 +1,7 @@
 """The choice of a file in the system's dialog or, without one, by typing its path."""
 
 import os
+import re
 import sys
 import time
 from collections.abc import Callable
@@ -19,6 +20,7 @@ from viewer.values.printable import as_label, printable
 _TITLE = "Choose a file###ask"
 _WAITING = "Waiting for the file dialog###waiting"
 _HEIGHT, _MOST = 14, 300  # em, height of the list of files; most files in it
+_NOT_LISTED = re.compile("^[.]|[\ud800-\udfff]")  # hidden files, and names that no text holds
 _PATIENCE = 3.0  # s after which a dialog of the system may be hidden or hang
 
 
@@ -83,7 +85,7 @@ def listed(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
     dated = list[tuple[float, Path]]()
     with suppress(OSError, ValueError):
         for path in folder.iterdir():
-            if not path.name.startswith(".") and (path.suffix.lower() in suffixes or path.is_dir()):
+            if _NOT_LISTED.search(path.name) is None and (path.suffix.lower() in suffixes or path.is_dir()):
                 dated.append((path.stat().st_mtime, path))
     return [path for _, path in sorted(dated, reverse=True)[:_MOST]]
 

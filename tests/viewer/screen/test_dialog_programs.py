@@ -48,6 +48,7 @@ def wait_for_line(window: Driver) -> None:
 FAILURES = {
     "cancelled at once": "exit 1",
     "no display": "echo 'cannot open display: :7' >&2; exit 1",
+    "nothing": "exit 0",
     "error": "exit 255",
     "unknown option": "echo usage; exit 2",
     "crash": "kill -SEGV $$",
