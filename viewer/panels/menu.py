@@ -64,7 +64,7 @@ def _draw_recent(context: PanelContext) -> None:
         for number, name in enumerate(recent):
             if imgui.menu_item_simple(f"{as_label(printable(Path(name).name))}###recent {number + 1}"):
                 context.drop([name])
-            tooltip(printable(name))
+            tooltip(name)
         imgui.separator()
         _draw_earlier(context)
         imgui.end_menu()

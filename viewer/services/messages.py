@@ -115,7 +115,7 @@ def error_text(error: Exception) -> str:
     if isinstance(error, json.JSONDecodeError | UnicodeError):
         return "the file is damaged, or of another kind"
     if isinstance(error, OSError) and error.strerror:
-        name = f"{Path(str(error.filename)).name}: " if error.filename else ""
+        name = f"{Path(printable(error.filename)).name}: " if error.filename else ""
         return name + error.strerror[:1].lower() + error.strerror[1:]
     if isinstance(error, ValueError | OSError) and text:
         return without_folders(text)

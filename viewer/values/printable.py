@@ -2,9 +2,11 @@
 
 import re
 
-_CONTROLS = {code: " " for code in (*range(32), 127) if chr(code) != "\n"}
+_CONTROLS = {code: " " for code in (*range(32), *range(127, 160), 0x2028, 0x2029) if chr(code) != "\n"}
 _LONGEST = 4096  # characters, those of the longest path
-_JOINERS = dict.fromkeys((0x200D, *range(0xFE00, 0xFE10)))  # characters that join parts of an emoji: no glyphs
+_INVISIBLE = dict.fromkeys(
+    (*range(0x200B, 0x2010), *range(0x202A, 0x202F), *range(0x2060, 0x2070), *range(0xFE00, 0xFE10), 0xFEFF)
+)  # marks without glyphs: directions of writing, joiners and variants of emoji
 
 
 def printable(text: object) -> str:
@@ -15,10 +17,10 @@ def printable(text: object) -> str:
     Example:
         >>> printable("bad_\\udcff.png")
         'bad_?.png'
-        >>> printable("\u2764\ufe0f")
-        '\u2764'
+        >>> printable("\u202echair\u2764\ufe0f\x85")
+        'chair\u2764 '
     """
-    return str(text)[:_LONGEST].encode("utf-8", "replace").decode().translate(_CONTROLS | _JOINERS)
+    return str(text)[:_LONGEST].encode("utf-8", "replace").decode().translate(_CONTROLS | _INVISIBLE)
 
 
 def as_label(text: str) -> str:

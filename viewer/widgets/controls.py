@@ -40,7 +40,7 @@ def tooltip(text: str, above: bool = True) -> None:
         imgui.set_next_window_pos(ImVec2(mouse, top), imgui.Cond_.always, (mouse / screen.x, 1))  # within the screen
     if imgui.begin_tooltip():
         imgui.push_text_wrap_pos(min(hello_imgui.em_size(_LINE), 0.9 * screen.x))
-        imgui.text_unformatted(text)
+        imgui.text_unformatted(printable(text))
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
 

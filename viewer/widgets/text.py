@@ -6,6 +6,7 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from viewer.context import PanelContext
 from viewer.screen.theme import HEADING, ON_PLATE, PLATE, PLATE_OPACITY, SMALL, packed
+from viewer.values.printable import printable
 
 _LONGEST = 500  # characters of a caption that are looked at, more than fit anywhere
 
@@ -33,7 +34,7 @@ def push_small() -> None:
 
 def shortened(words: str, width: float) -> str:
     """Return text in the current font that is at most ``width`` px wide, with an ellipsis if it was longer."""
-    words = words[:_LONGEST]
+    words = printable(words)[:_LONGEST]
     if imgui.calc_text_size(words).x <= width:
         return words
     counts = range(1, len(words) + 1)

@@ -53,6 +53,8 @@ def test_an_offer_stays_until_it_is_replaced_and_what_is_to_be_read_comes_back()
         (FileNotFoundError(2, "No such file or directory", "/a/folder/b.json"), "b.json: no such file or directory"),
         (KeyError("model"), UNFORESEEN),
         (json.JSONDecodeError("Expecting value", "", 0), "the file is damaged, or of another kind"),
+        (FileNotFoundError(2, "No such file", "/photos/\udcff\u202e.png"), "?.png: no such file"),
+        (PermissionError(13, "Denied", "a" * 9000), f"{'a' * 4096}: denied"),
     ],
 )
 def test_errors_are_said_in_plain_words(error: Exception, text: str) -> None:
