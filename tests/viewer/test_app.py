@@ -298,7 +298,11 @@ def test_the_wheel_scrolls_the_strip_and_tab_leaves_the_view(window: Driver, tmp
     window.ctx.mouse_wheel_y(-1.0)
     window.ctx.yield_(3)
     assert window.ctx.item_info(tile).rect_full.min.x < before
+    window.show("Mix")
     window.ctx.mouse_move("//View/orbit")
+    window.press(imgui.Key.tab)
+    assert imgui.get_current_context().nav_window.root_window.name == "Mix"  # the mouse only rests on the view
+    window.ctx.window_focus("//View")
     window.press(imgui.Key.tab)
     assert imgui.get_current_context().nav_window.root_window.name == "Library"
     (tmp_path / "empty").mkdir()

@@ -142,7 +142,8 @@ class ViewPanel(Panel):
         for sign, steps in (("+", 1), ("-", -1)):
             if any(map(is_pressed, chords(sign))) or is_typed(sign):
                 self._nudge(context, orbit.zoomed(camera, steps, context.session.editor.model), "zoom")
-        if imgui.is_key_pressed(imgui.Key.tab):  # in the view, the keyboard turns the object and moves no focus
+        # In the view, the keyboard turns the object and moves no focus.
+        if imgui.is_window_focused() and imgui.is_key_pressed(imgui.Key.tab):
             imgui.set_window_focus("Library")
             imgui.set_nav_cursor_visible(True)
         run_keys(context, in_view=True)
