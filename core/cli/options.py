@@ -11,10 +11,10 @@ Group = argparse._ActionsContainer  # a parser, or a group of its options
 
 
 class _Formatter(argparse.ArgumentDefaultsHelpFormatter):
-    """Shows the defaults of options that their help does not tell, except None, False and empty lists."""
+    """Shows the defaults of options that their help does not tell, except None, False and empty ones."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
-        has_default = action.default not in (None, []) and action.default is not False
+        has_default = action.default not in (None, [], ()) and action.default is not False
         is_told = "(default: " in (action.help or "")
         return super()._get_help_string(action) if has_default and not is_told else action.help
 
