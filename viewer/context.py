@@ -216,9 +216,12 @@ class PanelContext:
         """Yield the files that dropped texts name; report the others."""
         for text in texts:
             try:
-                yield self.clipboard.file(text)
+                path = self.clipboard.file(text)
+                path.exists()  # raises OSError for a name that no system allows
             except (ValueError, OSError) as error:
                 self.session.messages.report("Cannot take this text", error)
+            else:
+                yield path
 
     def _remember(self, path: Path) -> None:
         if is_there(path):

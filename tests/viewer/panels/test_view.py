@@ -226,7 +226,7 @@ def test_opengl_turns_the_object_where_it_is_fast_and_the_exact_picture_follows(
         window.app.each_frame = lambda: None
         window.wait(lambda: viewport.baked_frame is None and viewport.sharp)
         window.ctx.mouse_move("//View/orbit")
-        window.press(imgui.Key.v)  # depth: nothing is baked of that
+        viewport.change(mode="depth")  # nothing is baked of that
         window.drag("View/orbit", 30)
         assert viewport.baked_frame is None
         assert window.session.messages.errors == []

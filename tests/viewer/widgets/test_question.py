@@ -72,8 +72,9 @@ def test_a_photo_whose_file_is_gone_is_fitted_once_the_file_is_found(window: Dri
     moved = photo.with_name("moved.png")
     content = photo.read_bytes()
     photo.unlink()
-    window.context.fit(photo)
+    fitting.fit(PhotoSource(photo))
     window.wait(lambda: bool(fitting.questions))
+    window.click("Library/**/waits block.png")
     assert not window.exists("Photo/###try again"), "it would fail again"
     window.click("Photo/###find photo")
     assert window.context.files.asking
@@ -88,8 +89,9 @@ def test_a_photo_that_is_back_is_tried_again(window: Driver, photo: Path) -> Non
     fitting = window.session.fitting
     content = photo.read_bytes()
     photo.unlink()
-    window.context.fit(photo)
+    fitting.fit(PhotoSource(photo))
     window.wait(lambda: bool(fitting.questions))
+    window.click("Library/**/waits block.png")
     photo.write_bytes(content)
     window.wait(lambda: window.exists("Photo/###try again"))
     window.click("Photo/###try again")

@@ -114,12 +114,12 @@ def test_a_photo_that_cannot_be_read_is_tried_again_or_removed(window: Driver, p
     fitting = window.session.fitting
     content = photo.read_bytes()
     photo.unlink()
-    for answer in ("try again", "remove waiting"):
-        window.context.drop([str(photo)])
+    for button, answer in ((0, "Photo/###try again"), (1, "**/###remove waiting")):
+        fitting.fit(PhotoSource(photo))
         window.wait(lambda: bool(fitting.questions))
-        window.click("Library/**/waits block.png", 1)
+        window.click("Library/**/waits block.png", button)
         photo.write_bytes(content)
-        window.click(f"**/###{answer}")
+        window.click(answer)
         window.wait(lambda: not fitting.pending)
         photo.unlink()
     assert window.session.editor.objects.own == ["block"]
