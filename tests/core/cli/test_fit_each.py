@@ -74,7 +74,7 @@ def test_every_photo_has_a_row_and_a_failure_stops_no_other_fit(capsys: pytest.C
 def test_a_pipe_in_a_folder_of_photos_is_refused_without_waiting():
     Path("photos").mkdir()
     os.mkfifo("photos/a.png")
-    main("fit --each photos --model m.safetensors --preset draft --out out".split())
+    main(["fit", "--each", "photos", "--model", "m.safetensors", "--preset", "draft", "--out", "out"])
     (row,) = map(json.loads, lines())
     assert "photos/a.png is a pipe or a device" in row["error"]
 
