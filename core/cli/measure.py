@@ -29,7 +29,7 @@ def bench_all(args: argparse.Namespace) -> None:
     )
     done = bench.run(plan, args.out, conditions(), say)
     frames = page.read_frames(args.out)
-    if "fits" in frames:
+    if "fits" in frames and not args.quick:
         pictures.draw_photos(datasets, args.out)
     if "disentanglement" in frames:
         pictures.draw_exchange(datasets, args.out)

@@ -79,8 +79,10 @@ def free_network(
     training = _Training(problem, origin, freed, stage, generator)
     best = origin, training.scored()[1]
     for _ in range(stage.steps):
-        training.update()
-        best = min(best, training.scored(), key=lambda candidate: float(candidate[1].loss))
+        if training.is_finite:
+            training.update()
+        if training.is_finite:
+            best = min(best, training.scored(), key=lambda candidate: float(candidate[1].loss))
         yield best
 
 
@@ -112,6 +114,11 @@ class _Training:
         groups = [{"params": self._leaves, "lr": _RATE}, {"params": [self._moved], "lr": 1.0}]
         self._adam = torch.optim.Adam(groups, betas=_BETAS)
         self._schedule = torch.optim.lr_scheduler.ExponentialLR(self._adam, _DECAY ** (1 / (_UPDATE * stage.steps)))
+
+    @property
+    def is_finite(self) -> bool:
+        """False once the training diverged."""
+        return all(bool(leaf.isfinite().all()) for leaf in (*self._leaves, self._moved))
 
     def update(self) -> None:
         """Take the steps of an update."""

@@ -1,10 +1,12 @@
 """Photos from several sides free the network of an object, which explains more and adds no haze."""
 
+import math
 from dataclasses import replace
 
 import pytest
 import torch
 
+from core.fitting import network
 from core.fitting.fit import FitJob, fit
 from core.fitting.hypotheses import HypothesisBatch, Parameters
 from core.fitting.network import frees_network
@@ -90,3 +92,9 @@ def test_photos_that_contradict_each_other_are_not_explained_by_haze(tiny: Model
 def mean_haze(instance: Instance) -> float:
     cameras = [instance.model.camera(azimuth, 0.4) for azimuth in (1.3, 3.4, 5.5)]
     return sum(haze(render_image(instance, camera).opacity.numpy()) for camera in cameras) / len(cameras)
+
+
+def test_a_training_that_diverges_leaves_the_best_network_so_far(tiny: Model, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(network, "_RATE", math.inf)
+    steps = list(fit(tiny, FitJob(photos(tiny), SETTINGS)))
+    assert steps[-1].step == steps[-1].steps and not has_network(tiny, steps[-1].instance.codes)
