@@ -4,6 +4,7 @@ Chairs and cars have a colour and a marker each; n and date stand in the corner.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import NamedTuple
 
@@ -79,8 +80,9 @@ def speed_chart(frames: Frames) -> Figure:
     """Draw the time of a fit against degrees and against dB of other views, with the Pareto line."""
     trials = frames["fits"][frames["fits"].case.isin(SPEED)]
     figure, (left, right) = _figure(2)
-    for kind, group in trials.groupby("category", sort=False):
+    for (kind, group), shift in zip(trials.groupby("category", sort=False), cycle((5, -11)), strict=False):
         colour, marker = _STYLE.get(str(kind), _OTHER)
+        label_style = {"xytext": (5, shift), "textcoords": "offset points", "fontsize": 7, "color": colour}
         methods = {name: group[group.case == name] for name in SPEED if (group.case == name).any()}
         seconds = {name: method.seconds.median() for name, method in methods.items()}
         worth = {name: mean_of(method["novel.psnr"]) for name, method in methods.items()}
@@ -88,13 +90,13 @@ def speed_chart(frames: Frames) -> Figure:
             size = 11 if name == DEFAULT else 5
             error = max(method.rotation.median(), 0.1)
             left.plot(seconds[name], error, marker, color=colour, ms=size)
-            left.annotate(name, (seconds[name], error), (5, 5), textcoords="offset points", fontsize=7, color=colour)
+            left.annotate(name, (seconds[name], error), **label_style)
             right.errorbar(
                 seconds[name], worth[name].mean, _bars(worth[name]), fmt=marker, color=colour, ms=size, lw=0.6
             )
             point = (seconds[name], worth[name].mean)
             label = f"{name} (default)" if name == DEFAULT else name
-            right.annotate(label, point, (5, 5), textcoords="offset points", fontsize=7, color=colour)
+            right.annotate(label, point, **label_style)
         line = pareto([(seconds[name], worth[name].mean) for name in methods])
         right.plot(*zip(*line, strict=True), color=colour, alpha=0.5, label=str(kind))
         left.plot([], [], marker, color=colour, label=str(kind))
@@ -212,7 +214,7 @@ def freedom_chart(frames: Frames) -> Figure:
             if means:
                 values = [mean.mean for mean in means.values()]
                 axes.errorbar(positions, values, bars, fmt=f"{marker}-", color=colour, lw=1, ms=5, label=label)
-        ticks = [f"{level}\n{free[level]}" if level in free else level for level in LEVELS]
+        ticks = [f"{level}\n{free[level]:,}" if level in free else level for level in LEVELS]
         axes.set_xticks(range(len(LEVELS)), ticks, fontsize=7)
         axes.set(title=kind, xlabel="free numbers of an object", ylabel="other views (dB, 95 % intervals)")
         axes.legend(fontsize=8)
