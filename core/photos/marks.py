@@ -25,7 +25,8 @@ _GREY = 8.0  # chroma of the most colourful watermark
 _EVEN = 4.0  # CIE76 within a watermark
 _LETTERS = 2  # small pieces of one light grey that make a watermark
 _FLAT = 6  # 0..255, variation of a badge's colour
-_LONG = 0.05  # length of a stroke beyond the object's box, relative to the image's longer side
+_LONG = 0.05  # length of a stroke beyond the detected box, relative to the image's longer side
+_AROUND = 1.15  # size of that box relative to the detected one, which may end above thin feet
 _MIXED = 25.0  # 0..255, distance of a stroke's edge from the mixtures of its colour and white
 _BADGE = 0.01, 0.4  # area of a badge, relative to the foreground's
 _WHOLE_SHAPE = 0.95  # overlap with a disc or an upright rectangle; the object's flat sides have other outlines
@@ -111,7 +112,7 @@ def find_strokes(
 ) -> Bool[np.ndarray, "height width"]:
     """Return the lines of the foreground that leave the detected object's box, such as rings and arrows."""
     thin = foreground & ~_opened(foreground, max(1, round(_STROKE * max(image.size))))
-    beyond, _ = label(thin & ~filled(box, image), np.ones((3, 3)))
+    beyond, _ = label(thin & ~filled(scaled(box, _AROUND), image), np.ones((3, 3)))
     colours = np.asarray(image, np.float32)
     strokes = np.zeros_like(foreground)
     lines, _ = label(thin, np.ones((3, 3)))
