@@ -6,7 +6,7 @@ Chairs and cars have a colour and a marker each; n and date stand in the corner.
 from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -82,7 +82,12 @@ def speed_chart(frames: Frames) -> Figure:
     figure, (left, right) = _figure(2)
     for (kind, group), shift in zip(trials.groupby("category", sort=False), cycle((5, -11)), strict=False):
         colour, marker = _STYLE.get(str(kind), _OTHER)
-        label_style = {"xytext": (5, shift), "textcoords": "offset points", "fontsize": 7, "color": colour}
+        label_style: dict[str, Any] = {
+            "xytext": (5, shift),
+            "textcoords": "offset points",
+            "fontsize": 7,
+            "color": colour,
+        }
         methods = {name: group[group.case == name] for name in SPEED if (group.case == name).any()}
         seconds = {name: method.seconds.median() for name, method in methods.items()}
         worth = {name: mean_of(method["novel.psnr"]) for name, method in methods.items()}
