@@ -24,6 +24,7 @@ _LIGHT = 60.0  # CIE lightness of the darkest watermark
 _GREY = 8.0  # chroma of the most colourful watermark
 _EVEN = 4.0  # CIE76 within a watermark
 _LETTERS = 2  # small pieces of one light grey that make a watermark
+_GRAPHICS = 0.5  # area of badges and lines, relative to the foreground's, from which they are rather the object
 _FLAT = 6  # 0..255, variation of a badge's colour
 _LONG = 0.05  # length of a stroke beyond the detected box, relative to the image's longer side
 _AROUND = 1.15  # size of that box relative to the detected one, which may end above thin feet
@@ -74,6 +75,23 @@ def find_marks(
     thin = foreground & ~_opened(foreground, max(1, round(_STROKE * max(image.size))))
     mask = marks[pieces.numbers] | (thin & (watermark | ~salient))
     return mask if (foreground & ~mask).any() else None
+
+
+def find_graphics(
+    image: Image.Image, foreground: Bool[np.ndarray, "height width"], detections: tuple[Detection, ...]
+) -> Bool[np.ndarray, "height width"]:
+    """Return badges and lines that touch the object of an RGB image.
+
+    Nothing in renders, or if they are most of the foreground: then they are rather the object.
+    """
+    nothing = np.zeros_like(foreground)
+    if max(image.size) < SHOP_SIDE:
+        return nothing
+    box = detections[0].box if detections else None
+    badges = find_badges(image, foreground, box)
+    strokes = find_strokes(image, foreground, box) if box else nothing
+    graphics = badges | strokes
+    return graphics if (foreground & graphics).sum() < _GRAPHICS * foreground.sum() else nothing
 
 
 def find_badges(

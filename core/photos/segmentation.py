@@ -26,7 +26,7 @@ from core.photos.decode import NOTE, lens_focal, on_white
 from core.photos.detector import UNDETECTED, Box, Detection, box_overlap, detect, detection_of, mask_box
 from core.photos.gaps import find_gaps
 from core.photos.grabcut import grabcut
-from core.photos.marks import SHOP_SIDE, find_badges, find_marks, find_strokes
+from core.photos.marks import SHOP_SIDE, find_graphics, find_marks
 from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background, is_compact
 from core.photos.reflection import above_reflection
 
@@ -45,7 +45,6 @@ _THRESHOLD = 0.5  # opacity from which a pixel belongs to the object
 _WHOLE_EDGE = 0.97  # fraction of an image's edge; an object that is cut off or trimmed covers less of three edges
 _NEARLY_ALL = 0.9  # fraction of an image; chairs and cars fill less of their bounding box
 _ODD_MASK = 0.3  # confidence of a given mask that is rather a mistake
-_GRAPHICS = 0.5  # area of badges and lines, relative to the foreground's, from which they are rather the object
 _DOUBTED = 0.5  # confidence, at most, of a mask that other evidence contradicts
 _AGREED = 0.65  # overlap with the saliency network's mask below which a mask on white is doubtful
 _DETECTED = 0.72  # overlap with a detected box, likewise
@@ -204,7 +203,7 @@ def _plain_background(rgb: Image.Image, detections: tuple[Detection, ...]) -> tu
     if plain is None or plain.mask.all():
         return plain, 1.0
     confidence = 1.0
-    graphics = _find_graphics(rgb, ~plain.mask, detections)
+    graphics = find_graphics(rgb, ~plain.mask, detections)
     plain = plain._replace(mask=plain.mask | graphics)
     marks = find_marks(rgb, ~plain.mask, detections)
     if marks is not None:
@@ -222,20 +221,6 @@ def _plain_background(rgb: Image.Image, detections: tuple[Detection, ...]) -> tu
     if detections and ambiguous and box_overlap(mask_box(~plain.mask), detections[0].box) < _SAME_BOX:
         return None, 0.0
     return _within_frame(colours, plain), confidence
-
-
-def _find_graphics(
-    rgb: Image.Image, foreground: Bool[np.ndarray, "height width"], detections: tuple[Detection, ...]
-) -> Bool[np.ndarray, "height width"]:
-    """Return badges and lines that touch the object; nothing in renders, or if they are most of the foreground."""
-    nothing = np.zeros_like(foreground)
-    if max(rgb.size) < SHOP_SIDE:
-        return nothing
-    box = detections[0].box if detections else None
-    badges = find_badges(rgb, foreground, box)
-    strokes = find_strokes(rgb, foreground, box) if box else nothing
-    graphics = badges | strokes
-    return graphics if (foreground & graphics).sum() < _GRAPHICS * foreground.sum() else nothing
 
 
 def _is_doubtful(rgb: Image.Image, mask: Bool[np.ndarray, "height width"], detections: tuple[Detection, ...]) -> bool:

@@ -188,7 +188,7 @@ class Question(NamedTuple):
 
 
 def photo_sources(paths: Sequence[Path]) -> tuple[tuple[PhotoSource, ...], dict[Path, ValueError]]:
-    """Return the photos among files, by their content, and what is wrong with the others."""
+    """Return the photos among files, by their content, and the problems of the others."""
     sources = list[PhotoSource]()
     problems = dict[Path, ValueError]()
     for path in paths:

@@ -56,9 +56,9 @@ def draw_failure(datasets: tuple[Path, ...], trials: pd.DataFrame, out: Path) ->
 
 
 def draw_photos(datasets: tuple[Path, ...], out: Path) -> None:
-    """Draw an object of each category, a row, fitted to 1, 2, 3 and 5 photos without cameras, beside the truth.
+    """Draw an object of each category, fitted to 1, 2, 3 and 5 photos, beside the truth.
 
-    They are seen from the view furthest from the first photo. Photo detail is left out.
+    A row for each, seen from the view furthest from the first photo. Cameras are unknown; photo detail is left out.
     """
     rows = []
     for folder in datasets:
