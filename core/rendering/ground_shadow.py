@@ -30,7 +30,7 @@ _CONTACT_WIDTHS = (0.008, 0.013, 0.02)
 _CONTACT_FALL = 0.75  # darkness of the contact shadow of a layer, relative to that of the layer below
 _SLABS = (0, 1, 2, 4, 8, 16, 32, 64)
 """Boundaries of slabs, in layers above the ground; thicker further up, where the height matters less."""
-_STRENGTHS = (0.75, 0.75, 0.75, 0.7, 0.6, 0.45, 0.3)
+_STRENGTHS = (0.9, 0.9, 0.9, 0.86, 0.7, 0.45, 0.3)
 """Fractions of the ground's light lost where a slab hides all sky: a seat leaves no dark disc between the legs."""
 _LOWEST = 0.1  # fraction of the lowest layer's columns that may end below the ground
 _MIN_CORNERS = 4  # a layer with at most this many solid corners is a speck, not the object's lowest layer

@@ -57,7 +57,7 @@ def test_darkness_is_the_fraction_of_the_sky_that_a_plate_hides(shadow: GroundSh
     for row, column in ((128, 128), (112, 144), (160, 132)):
         square = (x[24:40, None] - EXTENT[0] * places[column]) ** 2 + (y[24:40] - EXTENT[1] * places[row]) ** 2
         light = height**6 / (square + height**2) ** 4 * 3 / math.pi * (SIDE * EXTENT[0]) * (SIDE * EXTENT[1])
-        assert shadow.darkness[row, column] == pytest.approx(255 * 0.6 * float(light.sum()), rel=0.05, abs=1)
+        assert shadow.darkness[row, column] == pytest.approx(255 * 0.7 * float(light.sum()), rel=0.05, abs=1)
     assert shadow.reach == (1.0, 0.8)
     assert shadow.height == pytest.approx(EXTENT[2] * (9.5 * SIDE - 1))
     edges = shadow.darkness[[0, -1]], shadow.darkness[:, [0, -1]]
