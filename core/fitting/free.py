@@ -21,7 +21,7 @@ from core.fitting.problem import SCORING_RAYS, Problem
 from core.fitting.schedule import Stage
 from core.models.latents import Latents
 
-_CAUTION = 10.0  # times the prior's weight where the object was cut out of a photograph
+_CAUTION = 10.0  # times the prior's weight where the object comes from a photograph
 _SOLID = 0.7  # opacity of codes above which they hold a background pixel of a doubtful mask for the object
 
 
@@ -64,12 +64,12 @@ def _free_biases(
 
 
 def _cautious(problem: Problem, winner: HypothesisBatch, generator: torch.Generator) -> Problem:
-    """Return the problem of objects cut out of photographs, which are trusted less than renders.
+    """Return the problem of objects of photographs, which are trusted less than renders of a known size.
 
     Free biases would explain light, gloss and errors of the mask by shape, so the prior weighs more. Doubtful masks add
     to the object, but carve nothing that its codes hold solid: a gap may be a mistake.
     """
-    if all(photo.mask_confidence == 1 for photo in problem.photos):
+    if not any(photo.cropped or photo.mask_confidence < 1 for photo in problem.photos):
         return problem
     observations = tuple(
         observation if photo.mask_confidence == 1 else _without_solid(problem, winner, observation, view)
