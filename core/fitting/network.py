@@ -34,6 +34,7 @@ from core.models.model import Model
 from core.models.network import copy_field, weight_offsets, with_network
 from core.rendering.importance import render_top_samples
 from core.rendering.shape_cells import shape_cells
+from core.runtime.pool import pause
 from core.runtime.precision import autocast
 
 MIN_PHOTOS = 3
@@ -136,6 +137,7 @@ class _Training:
                 gradient[:, self._field.config.width :] = 0.0  # of directions (Field.texture_weights)
             self._adam.step()
             self._schedule.step()
+            pause()
 
     def scored(self) -> tuple[Latents, HypothesisBatch]:
         """Return the codes with the present network, and the hypothesis with its score as loss."""

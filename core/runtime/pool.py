@@ -29,6 +29,7 @@ class _Caller(threading.local):
     helps: bool = False  # the current thread belongs to a pool, so it gets none of its own
     count: int = 1  # threads of the pool
     helpers: ThreadPoolExecutor | None = None  # None: the current thread computes everything
+    at_pause: Callable[[], None] | None = None
 
 
 _caller = _Caller()
@@ -42,6 +43,20 @@ def _forget_pools() -> None:
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_forget_pools)
+
+
+def at_pause(function: Callable[[], None]) -> None:
+    """Set what the current thread calls at every :func:`pause`, such as work that a person waits for."""
+    _caller.at_pause = function
+
+
+def pause() -> None:
+    """Let the current thread do more urgent work. Computations longer than about 30 ms call it, :func:`map_pieces` too.
+
+    The work may run in the computation's modes of torch, so it sets its own.
+    """
+    if _caller.at_pause:
+        _caller.at_pause()
 
 
 def map_pieces(function: Callable[[_Piece], _Result], pieces: Iterable[_Piece]) -> Iterator[_Result]:
@@ -58,7 +73,9 @@ def map_pieces(function: Callable[[_Piece], _Result], pieces: Iterable[_Piece]) 
     """
     helpers = _helpers()
     if helpers is None:
-        yield from map(function, pieces)
+        for piece in pieces:
+            yield function(piece)
+            pause()
         return
     remaining = iter(pieces)
     futures = deque[Future[_Result]]()
@@ -69,6 +86,7 @@ def map_pieces(function: Callable[[_Piece], _Result], pieces: Iterable[_Piece]) 
             if not futures:
                 return
             yield futures.popleft().result()
+            pause()
     finally:
         for future in futures:
             future.cancel()

@@ -12,7 +12,7 @@ from viewer.services.worker import Job, Worker
 # Weights of jobs, where an export has 1.0. With a tenth of the weight of the job above, a job slows that one by a tenth
 # and never starves.
 FIT_WEIGHT = 0.1  # fits and previews
-TILES_WEIGHT = 0.01
+TILES_WEIGHT = 0.03
 SHARPENING_WEIGHT = 0.003  # the view's last pixels
 BACKGROUND_WEIGHT = 0.001  # work that is not seen
 

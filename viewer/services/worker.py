@@ -10,7 +10,10 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+if TYPE_CHECKING:
+    from core.runtime.modes import TorchModes
 
 T = TypeVar("T")
 
@@ -25,7 +28,9 @@ class Job(Generic[T]):
     start: Callable[[], Iterable[T | None]]  # makes the stream, on the worker's thread; None values only end a step
     value: Callable[[T], None]  # called with every other value
     end: Callable[[Exception | None], None] = lambda error: None  # called once with the error, unless cancelled
-    urgent: bool = False  # runs before all other jobs until its first value; a newer job of its name waits for that
+    urgent: bool = False
+    """Runs before all other jobs until its first value, also in the pauses of their steps
+    (:func:`core.runtime.pool.pause`); a newer job of its name waits for that."""
     weight: float = 1.0  # of the worker's time, relative to other jobs
 
 
@@ -59,6 +64,7 @@ class Worker:
         self._at_rest = at_rest
         self._clock = clock
         self._rests = False
+        self._paused = 0.0  # s that steps were paused for urgent jobs
         self._running: list[_Running] = []
         self._next: dict[str, Job] = {}
         self._delivery: deque[tuple[_Running, Callable[[], None]]] = deque()
@@ -126,9 +132,9 @@ class Worker:
         if sys.platform == "linux":  # the window keeps its frame rate beside torch on few cores
             os.nice(2)  # affects this thread alone
         while (entry := self._pick()) is not None:
-            began = self._clock()
+            began = self._clock() - self._paused
             self._step_in_modes(entry)
-            entry.spent += (self._clock() - began) / entry.job.weight
+            entry.spent += (self._clock() - self._paused - began) / entry.job.weight
         for left in self._running:
             _close(left.stream)
 
@@ -158,13 +164,34 @@ class Worker:
     def _step_in_modes(self, entry: _Running) -> None:
         """Step a job; modes of torch that it leaves on between steps are logged, and do not reach the next job."""
         from core.runtime.modes import TorchModes  # imported late: the splash appears before torch is loaded
+        from core.runtime.pool import at_pause
 
         modes = TorchModes.current()
+        waits = entry.job.urgent and not entry.posted
+        at_pause((lambda: None) if waits else partial(self._step_urgent, modes))
         with modes.applied():
             self._step(entry)
             left_on = TorchModes.current()
         if left_on != modes:
             logging.getLogger(__name__).error("the job %s is faulty: it left on %s", entry.job.name, left_on)
+
+    def _step_urgent(self, modes: "TorchModes") -> None:
+        """Step urgent jobs to their first values, in a pause of another job's step."""
+        from core.runtime.pool import at_pause
+
+        began = self._clock()
+        at_pause(lambda: None)  # their own steps are not paused
+        with modes.applied():
+            while (entry := self._urgent()) is not None:
+                self._step(entry)
+        at_pause(partial(self._step_urgent, modes))
+        self._paused += self._clock() - began
+
+    def _urgent(self) -> _Running | None:
+        """Return an urgent job without a value, if there is one."""
+        with self._changed:
+            waiting = (entry for entry in self._running if entry.job.urgent and not (entry.posted or entry.over))
+            return None if self._closing else next(waiting, None)
 
     def _step(self, entry: _Running) -> None:
         try:

@@ -18,7 +18,7 @@ from core.models.model import Model
 from core.photos.view_bank import view_bank
 from core.rendering import fast
 from core.rendering.reference import render_exact
-from core.runtime.pool import map_pieces
+from core.runtime.pool import at_pause, map_pieces
 from core.runtime.threads import VARIABLE
 from core.streams import run_to_end
 from tests.core.fitting.inputs import SHORT
@@ -27,6 +27,18 @@ from tests.core.tiny import photo_of
 
 def thread(piece: object) -> int:
     return threading.get_ident()
+
+
+@pytest.mark.parametrize("count", ["1", "2"])
+def test_the_calling_thread_pauses_after_every_piece(monkeypatch: pytest.MonkeyPatch, count: str):
+    monkeypatch.setenv(VARIABLE, count)
+    pauses: list[int] = []
+    at_pause(lambda: pauses.append(threading.get_ident()))
+    try:
+        assert list(map_pieces(str, range(5))) == [*"01234"]
+    finally:
+        at_pause(lambda: None)
+    assert pauses == [threading.get_ident()] * 5
 
 
 @pytest.mark.parametrize("count", ["1", "2", "8"])

@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from core.runtime.modes import TorchModes
+from core.runtime.pool import pause
 from tests.viewer.machine import Patience
 from tests.viewer.stand_ins import Clock
 from viewer.services.worker import Job, Worker
@@ -153,6 +154,34 @@ def test_an_urgent_job_goes_between_the_steps_of_another(worker: Worker) -> None
         wait(worker, lambda: bool(steps))  # noqa: B023
         assert steps[0] <= most
     assert worker.busy("fit")
+
+
+def test_an_urgent_job_runs_in_a_pause_of_another_step(worker: Worker) -> None:
+    """The other step goes on in its own modes, and the urgent one has the worker's."""
+    entered = threading.Event()
+    values: list[object] = []
+
+    def long_step() -> Iterator[bool]:
+        with torch.inference_mode():
+            entered.set()
+            patience = Patience(60.0)
+            while "urgent" not in seen and not patience.is_over():
+                pause()
+            mode = torch.is_inference_mode_enabled()
+        yield mode
+
+    seen: list[str] = []
+
+    def urgent() -> Iterator[bool]:
+        seen.append("urgent")
+        pause()  # not paused itself
+        yield torch.is_inference_mode_enabled()
+
+    worker.submit(Job("long", long_step, lambda mode: values.append(("long", mode))))
+    assert entered.wait(60.0)
+    worker.submit(Job("view", urgent, lambda mode: values.append(("view", mode)), urgent=True))
+    wait(worker, lambda: len(values) == 2)
+    assert values == [("view", False), ("long", True)]
 
 
 def test_time_is_shared_fairly_between_long_and_short_steps(clock: Clock) -> None:
