@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
-from jaxtyping import Float, UInt8
 from PIL import Image
 
+from core.photos.colour_encoding import Encoding, decoded
 from core.photos.decode import WORKING_SIDE
 from core.photos.sharpness import measure_sharpness
 from core.runtime.reading import reading
@@ -40,13 +40,8 @@ _TURNS = (None, Image.Transpose.ROTATE_90, Image.Transpose.ROTATE_180, Image.Tra
 
 # Numbers of FFmpeg
 _UNSPECIFIED, _BT709, _BT601 = 2, 1, 5
-_PQ, _HLG = 16, 18
-
-# BT.2100 and BT.2408
-_REFERENCE_WHITE = 203.0  # cd/m², which becomes white
-_PQ_PEAK, _HLG_PEAK = 10_000.0, 1_000.0  # cd/m²
-_LUMINANCE = (0.2627, 0.6780, 0.0593)  # of BT.2020's primaries
-_BT709_FROM_BT2020 = ((1.6605, -0.5876, -0.0728), (-0.1246, 1.1329, -0.0083), (-0.0182, -0.1006, 1.1187))
+_HDR = (16, 18)  # the transfer curves of BT.2100
+_BT2020 = 9
 
 _Value = TypeVar("_Value")
 
@@ -277,10 +272,10 @@ def _to_image(frame: "av.VideoFrame") -> Image.Image:
     unlabelled = _BT709 if frame.height >= 720 else _BT601
     matrix = unlabelled if frame.colorspace == _UNSPECIFIED else frame.colorspace
     pixels = frame.reformat(*size, "rgb24", src_colorspace=matrix, interpolation="AREA").to_ndarray()
-    if frame.color_trc in (_PQ, _HLG):
-        pixels = _tone_mapped(pixels, frame.color_trc)
-    turn = _TURNS[round(frame.rotation / 90) % 4]
     image = Image.fromarray(pixels).convert("RGBA")
+    if frame.color_trc in _HDR:
+        image = decoded(image, Encoding(_BT2020, frame.color_trc))
+    turn = _TURNS[round(frame.rotation / 90) % 4]
     return image if turn is None else image.transpose(turn)
 
 
@@ -288,25 +283,3 @@ def _fitted_size(width: int, height: int, side: int) -> tuple[int, int]:
     """Return a size of the same proportions whose longer side is at most ``side``."""
     scale = min(1.0, side / max(width, height))
     return max(1, round(scale * width)), max(1, round(scale * height))
-
-
-def _tone_mapped(pixels: UInt8[np.ndarray, "height width 3"], transfer: int) -> UInt8[np.ndarray, "height width 3"]:
-    """Convert colours of BT.2100 to sRGB."""
-    signal = pixels.astype(np.float32) / 255
-    light = (_pq_light(signal) if transfer == _PQ else _hlg_light(signal)) / _REFERENCE_WHITE
-    linear = (light @ np.array(_BT709_FROM_BT2020, np.float32).T).clip(0, 1)
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return (255 * encoded + 0.5).astype(np.uint8)
-
-
-def _pq_light(signal: Float[np.ndarray, "height width 3"]) -> Float[np.ndarray, "height width 3"]:
-    """Return the light in cd/m² of a signal in perceptual quantisation (SMPTE ST 2084)."""
-    power = signal ** (1 / 78.84375)
-    return _PQ_PEAK * ((power - 0.8359375).clip(0) / (18.8515625 - 18.6875 * power)) ** (1 / 0.1593017578125)
-
-
-def _hlg_light(signal: Float[np.ndarray, "height width 3"]) -> Float[np.ndarray, "height width 3"]:
-    """Return the light in cd/m² of a hybrid log-gamma signal on a display of 1,000 cd/m²."""
-    scene = np.where(signal <= 0.5, signal**2 / 3, (np.exp((signal - 0.55991073) / 0.17883277) + 0.28466892) / 12)
-    luminance = scene @ np.array(_LUMINANCE, np.float32)
-    return _HLG_PEAK * scene * luminance[..., None] ** 0.2

@@ -24,17 +24,18 @@ class Encoding(NamedTuple):
     primaries: int
     transfer: int
     gamma: float | None = None
+    narrow: bool = False  # black is 16 and white 235
 
 
 def colour_encoding(image: Image.Image) -> Encoding | None:
     """Return the encoding of an opened image, before its pixels are read; None if it is sRGB, or a profile tells."""
     read = _READERS.get(image.format)
     numbers = optional(lambda: read(image)) if read and isinstance(image, ImageFile) else None
-    primaries, transfer = numbers or _SRGB
+    primaries, transfer, narrow = numbers or _SRGB
     if primaries not in _TO_SRGB or transfer not in _CURVES:
-        primaries, transfer = _SRGB
-    if transfer in _HDR:
-        return Encoding(primaries, transfer)
+        primaries, transfer, _ = _SRGB
+    if transfer in _HDR or narrow:
+        return Encoding(primaries, transfer, narrow=narrow)
     if "icc_profile" in image.info:
         return None
     if primaries != _SRGB[0] or transfer not in _LIKE_SRGB:
@@ -42,12 +43,14 @@ def colour_encoding(image: Image.Image) -> Encoding | None:
     gamma = image.info.get("gamma", _SRGB_GAMMA)
     if numbers or "srgb" in image.info or abs(gamma / _SRGB_GAMMA - 1) < _SAME_GAMMA or not gamma > 0:
         return None
-    return Encoding(*_SRGB, gamma)
+    return Encoding(*_SRGB[:2], gamma)
 
 
 def decoded(image: Image.Image, encoding: Encoding) -> Image.Image:
     """Return an RGBA image in sRGB; colours brighter than white become white."""
     levels = np.linspace(0, 1, 256)
+    if encoding.narrow:
+        levels = ((levels - 16 / 255) * (255 / 219)).clip(0, 1)
     curve = levels ** (1 / encoding.gamma) if encoding.gamma else _CURVES[encoding.transfer](levels)
     values = np.asarray(image)
     linear = curve[values[..., :3]]
@@ -61,8 +64,8 @@ def decoded(image: Image.Image, encoding: Encoding) -> Image.Image:
 # Numbers in files
 
 
-def _png_numbers(image: ImageFile) -> tuple[int, int] | None:
-    """Return primaries and transfer of the chunk cICP; None without it."""
+def _png_numbers(image: ImageFile) -> tuple[int, int, bool] | None:
+    """Return primaries and transfer of the chunk cICP, and whether its range is narrow; None without it."""
     file = image.fp
     assert file is not None
     position = file.tell()
@@ -71,8 +74,8 @@ def _png_numbers(image: ImageFile) -> tuple[int, int] | None:
         while True:
             length, kind = struct.unpack(">I4s", file.read(8))
             if kind == b"cICP":
-                primaries, transfer = file.read(2)
-                return primaries, transfer
+                primaries, transfer, _, full_range = file.read(4)
+                return primaries, transfer, full_range == 0
             if kind == b"IDAT":
                 return None
             file.seek(length + 4, 1)
@@ -80,8 +83,8 @@ def _png_numbers(image: ImageFile) -> tuple[int, int] | None:
         file.seek(position)
 
 
-def _avif_numbers(image: ImageFile) -> tuple[int, int]:
-    """Return primaries and transfer of an AVIF, whose container libheif reads without a decoder."""
+def _avif_numbers(image: ImageFile) -> tuple[int, int, bool]:
+    """Return the numbers of an AVIF, whose container libheif reads without a decoder."""
     from pillow_heif import open_heif  # takes 50 ms, and few images need it
 
     file = image.fp
@@ -94,13 +97,13 @@ def _avif_numbers(image: ImageFile) -> tuple[int, int]:
         file.seek(position)
 
 
-def _of_profile(info: Mapping[Any, Any]) -> tuple[int, int]:
-    """Return primaries and transfer as libheif describes them."""
+def _of_profile(info: Mapping[Any, Any]) -> tuple[int, int, bool]:
+    """Return primaries and transfer as libheif describes them; its pixels have the full range."""
     profile = info["nclx_profile"]
-    return int(profile["color_primaries"]), int(profile["transfer_characteristics"])
+    return int(profile["color_primaries"]), int(profile["transfer_characteristics"]), False
 
 
-_READERS: dict[str | None, Callable[[ImageFile], tuple[int, int] | None]] = {
+_READERS: dict[str | None, Callable[[ImageFile], tuple[int, int, bool] | None]] = {
     "PNG": _png_numbers,
     "AVIF": _avif_numbers,
     "HEIF": lambda image: _of_profile(image.info),
@@ -129,7 +132,7 @@ def _hlg(levels: Float[np.ndarray, "levels"]) -> Float[np.ndarray, "levels"]:
 _HLG = 18
 _HDR = (16, _HLG)
 _LIKE_SRGB = (1, 6, 13, 14, 15)  # video's curves are shown like sRGB's
-_SRGB = (1, 13)
+_SRGB = (1, 13, False)
 _CURVES = dict.fromkeys(_LIKE_SRGB, _srgb) | {
     4: lambda levels: levels**2.2,
     5: lambda levels: levels**2.8,

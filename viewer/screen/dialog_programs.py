@@ -7,8 +7,10 @@ import subprocess
 import threading
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 from imgui_bundle import hello_imgui
 
@@ -17,6 +19,7 @@ _KDIALOG = "kdialog"
 _CANCELLED = 1  # exit status after Cancel, and also after some failures
 _QUICK = 1.0  # s within which nobody cancels: a program that has ended by then has failed
 _END = 1.0  # s to wait for the end of a killed program
+_MOST_OUTPUT = 65_536  # bytes that a program may print; a path is shorter
 _HARMLESS = ("warning", "message", "critical")  # words in the lines that toolkits write on stderr
 
 
@@ -76,12 +79,29 @@ class ProgramDialog:
 
     def kill(self) -> None:
         """End the program and its children."""
-        with suppress(ProcessLookupError):
-            os.killpg(self._process.pid, signal.SIGKILL)
+        self._signal()
         self._thread.join(_END)
 
+    def _signal(self) -> None:
+        with suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+
+    def _read(self, stream: IO[bytes]) -> bytes:
+        """Return a program's output; one that does not stop is ended."""
+        with stream:
+            output = stream.read(_MOST_OUTPUT)
+            if stream.read(1):
+                self._signal()
+        return output
+
     def _wait(self) -> None:
-        answer, errors = self._process.communicate()
+        assert self._process.stdout
+        assert self._process.stderr
+        with ThreadPoolExecutor(1) as other:
+            reading = other.submit(self._read, self._process.stderr)
+            answer = self._read(self._process.stdout)
+            errors = reading.result()
+        self._process.wait()
         self._seconds = time.monotonic() - self._began
         self._answer = os.fsdecode(answer).removesuffix("\n")
         lines = errors.decode(errors="replace").splitlines()

@@ -77,6 +77,14 @@ def test_a_png_is_read_by_its_colour_numbers(values: np.ndarray, numbers: tuple[
     assert error(path) < 3
 
 
+@pytest.mark.parametrize(("values", "numbers"), [(pq(), (9, 16)), (ramp(), (1, 13)), (ramp(), (2, 2))])
+def test_a_png_of_narrow_range_has_black_at_16_and_white_at_235(
+    values: np.ndarray, numbers: tuple[int, int], tmp_path: Path
+):
+    path = write_png(tmp_path / "a.png", (16 + 219 * values) / 255, cICP=bytes((*numbers, 0, 0)))
+    assert error(path) < 3
+
+
 @pytest.mark.parametrize("gamma", [1.0, 1 / 1.8, 1 / 2.2, 0.0])
 def test_a_png_is_read_by_its_gamma(gamma: float, tmp_path: Path):
     values = light() ** gamma if gamma and gamma != 1 / 2.2 else ramp()

@@ -52,6 +52,8 @@ FAILURES = {
     "error": "exit 255",
     "unknown option": "echo usage; exit 2",
     "crash": "kill -SEGV $$",
+    "endless answer": "sleep 1.5; yes /a/path.png",
+    "endless error": "sleep 1.5; yes 'not so' >&2",
     "late error": "sleep 1.5; echo 'Failed to open display' >&2; exit 1",
 }
 
