@@ -157,7 +157,7 @@ class PanelContext:
 
     def find_photo(self, question: Question) -> None:
         """Ask for the file of a failed fit's photo, and repeat the fit with it."""
-        find = partial(self.session.fitting.relocate, question)
+        find = partial(self.session.answers.relocate, question)
         name = question.source.path.name
         self.files.ask(FileRequest(f"Where is {question.source.name}?", find, IMAGE_SUFFIXES, name=name))
 

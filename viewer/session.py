@@ -14,6 +14,7 @@ from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.models.photo_detail import PhotoView
 from core.models.scene import open_scene, scene_model
+from viewer.activities.answers import Answers
 from viewer.activities.direction_words import DirectionWords
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
@@ -94,6 +95,7 @@ class Session:
         self.thumbnails = Thumbnails(jobs, self._pictures)
         self.names = Names(self.editor, self.words)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options, self.store)
+        self.answers = Answers(self.fitting, self.store.copies)
         self.segmenting = Segmenting(jobs, self.fitting.fit)
         self.sizing = Sizing(jobs, self.editor)
         self.reshaping = Reshaping(jobs, self.editor, self.viewport, self.sizing)
@@ -199,7 +201,7 @@ class Session:
     def rename(self, name: str, to: str) -> None:
         """Rename an added object everywhere."""
         new = self.editor.rename(name, to)
-        self.fitting.rename(name, new)
+        self.fitting.results.rename(name, new)
 
     def remove(self, *names: str) -> None:
         """Remove added objects, versions of one, from all lists, even if on screen, and offer to undo that."""

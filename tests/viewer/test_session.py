@@ -204,7 +204,7 @@ def test_a_photo_of_nothing_known_is_fitted_once_a_person_says_so(session: Sessi
     (question,) = session.fitting.questions
     assert question.words == "This does not look like a chair"
     assert session.editor.objects.own == []
-    session.fitting.answer(question)
+    session.answers.answer(question)
     finish(session, lambda: not session.fitting.pending)
     assert session.editor.objects.own == ["block"]
     assert session.messages.errors == []

@@ -1,32 +1,29 @@
 """The running fit, the queue of fits, and the questions about photos."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from core.classifiers.viewpoint import Side
 from core.fitting.fit import FitStep, Hypothesis
-from core.fitting.photo_views import with_photo_detail
 from core.fitting.problem import MOST_PHOTOS
 from core.models.model import Model
 from core.photos.clip import is_clip
-from core.photos.segmentation import Hints
 from viewer.activities.clip_frames import ClipRequest, ReadFraction, is_of_clip, read_frames
 from viewer.activities.fit_queue import FitQueue
 from viewer.activities.fit_results import FitResults
 from viewer.activities.fit_stream import Confirmed, Doubt, FitOptions, fit_stream
 from viewer.activities.fit_view import FitView
+from viewer.activities.photo_offers import PhotoOffers, describe
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import FIT_WEIGHT, Jobs
-from viewer.services.messages import Button, MessageKind, error_text
+from viewer.services.messages import MessageKind, error_text
 from viewer.services.worker import Job
 from viewer.store.store import Store
 from viewer.values.cut_out_preview import CutOutPreview
 from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, Question, Ready, photo_sources
 from viewer.values.objects import EditableObject
-from viewer.values.printable import printable
 
 _NAMED = 3  # files that a message names
 _NONE: Confirmed = {}
@@ -44,11 +41,11 @@ class Fitting:
         self.view = FitView(editor, viewport, jobs.models, store.fit)
         self.results = FitResults(editor, viewport)
         self.request: FitRequest | None = None  # the running fit's
-        self._closed = False  # buttons of messages outlive the session
+        self._offers = PhotoOffers(self, jobs.messages)
         self._waiting = FitQueue()
         self._before = self.history  # the fit shown before the last one began
         self._shown_key = ""  # of the object in the view
-        editor.object_chosen.connect(self._set_questions_aside)
+        editor.object_chosen.connect(self._ask_later)
 
     @property
     def history(self) -> FitHistory:
@@ -75,6 +72,11 @@ class Fitting:
         return self._waiting.questions
 
     @property
+    def confirmed(self) -> Confirmed:
+        """The cut-outs that a person confirmed, of photos that wait."""
+        return self._waiting.confirmed
+
+    @property
     def _key(self) -> str:
         """Key of the object in the view, of which its versions have the fit; "" for a model's object."""
         objects = self._editor.objects
@@ -84,9 +86,6 @@ class Fitting:
     def question(self) -> Question | None:
         """The question to show; None while a fit is followed."""
         return None if self.running and self._viewport.following else self._waiting.question
-
-    def _set_questions_aside(self) -> None:
-        self._waiting = self._waiting.asking_later()
 
     @property
     def running(self) -> bool:
@@ -118,7 +117,7 @@ class Fitting:
 
     def close(self) -> None:
         """Cancel the running fit, the queue and the questions."""
-        self._closed = True
+        self._offers.close()
         self._waiting = FitQueue()
         self._drop()
 
@@ -147,7 +146,7 @@ class Fitting:
         if not images:
             return
         sources, problems = photo_sources(images)
-        note = _describe(problems, len(images))
+        note = describe(problems, len(images))
         if note:
             self._jobs.messages.notify(note, MessageKind.NOTE if sources else MessageKind.PROBLEM)
         sources = tuple(map(self._copies.keep, sources))
@@ -157,36 +156,7 @@ class Fitting:
         shown = FitHistory() if self.running and self._viewport.following else self.shown
         self.fit(*sources)
         if sources:
-            self._offer(sources, shown, note)
-
-    def _offer(self, sources: tuple[PhotoSource, ...], shown: FitHistory, note: str) -> None:
-        """Offer the other meaning of dropped photos: an object each, or another photo of the finished object shown.
-
-        Args:
-            note: words about files that are no photos, for the same message.
-        """
-        name = shown.name
-        if len(sources) > 1:
-            text = f"{len(sources)} photos are fitted as one object"
-            button = Button("An object each", partial(self._instead, sources, partial(self.fit_each, sources)))
-        elif shown.photos and len(shown.sources) < MOST_PHOTOS:
-            text = f"{sources[0].name} is fitted as a new object"
-            add = partial(self._fit_more, shown, sources[0])
-            button = Button("Another photo of", partial(self._instead, sources, add), name)
-        else:
-            return
-        text = ". ".join(filter(None, (text, note)))
-        self._jobs.messages.notify(text, MessageKind.NOTE, buttons=(button,), relevant=partial(self._awaits, sources))
-
-    def _instead(self, sources: tuple[PhotoSource, ...], fit: Callable[[], None]) -> None:
-        """Withdraw the fit of photos, and run another."""
-        for request in self.pending:
-            if request.history.sources == sources:
-                self.withdraw(request.history.sources)
-        fit()
-
-    def _awaits(self, sources: tuple[PhotoSource, ...]) -> bool:
-        return any(request.history.sources == sources and not request.problem for request in self.pending)
+            self._offers.fit_otherwise(sources, shown, note)
 
     def ask_first(self, request: FitRequest) -> None:
         """Show a request's question before the others, and in place of a followed fit."""
@@ -201,7 +171,7 @@ class Fitting:
         """
         self._waiting = self._waiting.without_questions(sources)
         if sources:
-            self._begin(FitRequest(FitHistory(sources, model=model)), confirmed)
+            self.begin(FitRequest(FitHistory(sources, model=model)), confirmed)
 
     def fit_each(self, sources: tuple[PhotoSource, ...]) -> None:
         """Fit an object to each photo, one after the other."""
@@ -215,17 +185,14 @@ class Fitting:
 
     def add_photo(self, history: FitHistory, path: Path, side: Side | None = None) -> None:
         """Refine an object with another photo, and the side that it shows, if known."""
-        self._fit_more(history, self._copies.keep(PhotoSource(path, side=side)))
+        self.refine(history, self._copies.keep(PhotoSource(path, side=side)))
 
-    def _fit_more(self, history: FitHistory, source: PhotoSource) -> None:
-        self._refine(history, (), source)
+    def refine(self, earlier: FitHistory, *added: PhotoSource, without: tuple[int, ...] = ()) -> None:
+        """Fit photos from the earlier result, without a search if it can resume; those it left out are dropped.
 
-    def take_out(self, history: FitHistory, number: int) -> None:
-        """Refine an object without one of its photos."""
-        self._refine(history, (number,))
-
-    def _refine(self, earlier: FitHistory, without: tuple[int, ...], *added: PhotoSource) -> None:
-        """Fit photos from the earlier result, without a search if it can resume; those it left out are dropped."""
+        Args:
+            without: numbers of photos to take out.
+        """
         left_out = earlier.last.left_out if earlier.last else ()
         history = earlier.without_photos(*without, *left_out)
         initial = earlier.resume_point and earlier.resume_point.without((*without, *left_out))
@@ -234,11 +201,14 @@ class Fitting:
             initial = None
         history = replace(history, sources=(*history.sources, *added))
         self._waiting = self._waiting.without_questions(history.sources)
-        self._begin(FitRequest(history, initial, answered=len(history.photos)))
+        self.begin(FitRequest(history, initial, answered=len(history.photos)))
 
     def fit_again(self, history: FitHistory) -> None:
         """Fit the photos of a history from the beginning, without questions about those it has read."""
-        self._begin(FitRequest(replace(history, steps=()), answered=len(history.photos)))
+        self.begin(FitRequest(replace(history, steps=()), answered=len(history.photos)))
+
+    def _ask_later(self) -> None:
+        self._waiting = self._waiting.asking_later()
 
     def withdraw(self, sources: tuple[PhotoSource, ...]) -> None:
         """Cancel the fit of exactly these photos, waiting or running, without a result."""
@@ -255,58 +225,9 @@ class Fitting:
             model: None keeps the model of the last fit.
         """
         history = replace(self.shown, photos=(), model=model.fingerprint) if model else self.shown
-        self._begin(FitRequest(replace(history, steps=()), answered=len(history.sources)))
+        self.begin(FitRequest(replace(history, steps=()), answered=len(history.sources)))
 
-    def choose(self, sources: tuple[PhotoSource, ...], index: int, number: int, model: str = "") -> None:
-        """Fit another detected object of a photo, by its number; the most prominent one is 0."""
-        chosen = sources[index]._replace(hints=Hints(object=number))
-        self.fit(*sources[:index], chosen, *sources[index + 1 :], model=model)
-
-    # Photos that a person looks at first
-
-    def answer(self, question: Question, model: str = "") -> None:
-        """Fit a photo in question with its cut-out.
-
-        Args:
-            model: the model's fingerprint; empty takes the question's.
-        """
-        history = question.request.history
-        model = model or question.model
-        photos = history.photos if model == history.model else ()
-        resume_from = question.request.resume_from if photos else None
-        request = FitRequest(FitHistory(history.sources, photos, model=model), resume_from, question.number + 1)
-        cut = question.cut
-        preview = question.preview
-        confirmed = dict(self._waiting.confirmed)
-        if cut and preview:
-            confirmed[question.source] = lambda: (cut, preview)
-        self.forget(history.sources)
-        self._begin(request, confirmed)
-
-    def try_again(self, request: FitRequest, history: FitHistory | None = None) -> None:
-        """Repeat a failed fit with the photos, cut-outs and answers that it had, or with another history."""
-        self.forget(request.history.sources)
-        self._begin(request._replace(history=history or request.history, problem=""), self._waiting.confirmed)
-
-    def needs_file(self, question: Question) -> bool:
-        """Return whether a fit reads the file of the photo in question; a confirmed cut-out needs none."""
-        return question.is_unread and question.source not in self._waiting.confirmed
-
-    def relocate(self, question: Question, path: Path) -> None:
-        """Repeat a failed fit with another file for the photo in question."""
-        history = question.request.history
-        moved = self._copies.keep(question.source._replace(path=path, copy=None))
-        sources = tuple(moved if source is question.source else source for source in history.sources)
-        self.try_again(question.request, replace(history, sources=sources))
-
-    def leave(self, question: Question) -> None:
-        """Leave a photo in question out, and fit its object's other photos; leave all of a failed fit out."""
-        history = question.request.history
-        self.forget(history.sources)
-        if question.is_failed:
-            return
-        if sources := tuple(source for source in history.sources if source is not question.source):
-            self._begin(FitRequest(replace(history, sources=sources), answered=question.number))
+    # The running fit
 
     def resume(self, hypothesis: Hypothesis | None = None) -> None:
         """Continue the shown fit from a hypothesis, by default the best one of the newest step."""
@@ -315,20 +236,15 @@ class Fitting:
 
     def resume_from_view(self) -> None:
         """Continue the shown fit from the view's codes and, for the selected photo, its direction."""
-        if initial := self.history.resume_point:
-            scene = self._editor.scene
-            cameras = list(initial.cameras)
-            index = self.history.photo_index  # its camera keeps its distance: the view's is not the photo's
-            cameras[index] = replace(cameras[index], azimuth=scene.camera.azimuth, elevation=scene.camera.elevation)
-            self.resume(replace(initial, cameras=tuple(cameras), instance=scene.instance))
+        scene = self._editor.scene
+        if initial := self.history.resume_point_of(scene.instance, scene.camera):
+            self.resume(initial)
 
     def stop(self) -> None:
         """End the running fit with its newest step as the result, and begin the next."""
         if self.running:
             self._jobs.cancel("fit")
-            if self.history.steps:
-                *before, last = self.history.steps
-                self.view.history = replace(self.history, steps=(*before, self._with_detail(last)))
+            self.view.history = self.history.stopped()
             self._finish()
             self._next()
 
@@ -341,22 +257,16 @@ class Fitting:
         failed = tuple(question for question in self.questions if question.is_failed)
         for question in failed:
             self.forget(question.request.history.sources)
-        undo = Button("Undo", partial(self.take_over, FitQueue(questions=failed)))
-        text = f"Removed {len(failed)} that could not be fitted"
-        self._jobs.messages.notify(text, buttons=(undo,), relevant=lambda: not self._closed)
+        self._offers.undo_removal(failed)
 
     def follow(self) -> None:
         """Let the view follow the running fit from the photo's camera, so that its result is shown."""
         if self.running and not self.results.checking and self.history.last:
             self._viewport.follow()
 
-    def rename(self, name: str, to: str) -> None:
-        """Follow the renaming of a result."""
-        self.results.rename(name, to)
-
     # Progress
 
-    def _begin(self, request: FitRequest, confirmed: Confirmed = _NONE) -> None:
+    def begin(self, request: FitRequest, confirmed: Confirmed = _NONE) -> None:
         """Run a request now, or queue it."""
         unfinished = {source for waiting in self.pending for source in waiting.history.sources}
         kept = {source: cut for source, cut in self._waiting.confirmed.items() if source in unfinished}
@@ -431,7 +341,8 @@ class Fitting:
                 self._jobs.messages.notify(f"{value.source.name}: {value.photo.note}", MessageKind.NOTE)
         else:
             if value.restart and not self.results.checking and self.history.last:
-                self._hand_over(self.history.last)
+                self.results.checking = self._add(self.history.last)  # while a second search goes on
+                self._viewport.unfollow()
             self.view.add_step(value)
 
     def _ask(self, doubt: Doubt) -> None:
@@ -468,52 +379,20 @@ class Fitting:
         if last is None:
             self._jobs.messages.notify("Stopped before there was a result", MessageKind.NOTE)
         elif checking:
-            self._keep(checking.name)
+            self.view.keep(self._editor.objects[checking.name].key)
             if self.results.improve(checking, self._fitted(last), self.view.camera_of(last)):
                 self._jobs.messages.notify(f"{checking.name}: a better viewpoint was found")
         else:
             self._add(last)
-            self._offer_left_out(tuple(self.history.sources[number] for number in last.left_out))
+            self._offers.fit_left_out(tuple(self.history.sources[number] for number in last.left_out))
         self.request = self.results.checking = None
-        self._viewport.unfollow()
-
-    def _offer_left_out(self, sources: tuple[PhotoSource, ...]) -> None:
-        """Name the photos that a fit left out, with a button to fit an object to each."""
-        if sources:
-            text = f"Left out, as another object: {', '.join(source.name for source in sources)}"
-            button = Button("Fit by itself" if len(sources) == 1 else "Fit each", partial(self.fit_each, sources))
-            self._jobs.messages.notify(text, MessageKind.NOTE, buttons=(button,), relevant=lambda: not self._closed)
-
-    def _hand_over(self, first: FitStep) -> None:
-        """Add the first search's result while a second search checks it."""
-        self.results.checking = self._add(first)
         self._viewport.unfollow()
 
     def _add(self, step: FitStep) -> Ready:
         """Add a step's result to the objects, and keep its fit."""
         ready = self.results.add(self._fitted(step), self.view.camera_of(step))
-        self._keep(ready.name)
+        self.view.keep(self._editor.objects[ready.name].key)
         return ready
-
-    def _keep(self, name: str) -> None:
-        """Keep the shown fit as that of an object."""
-        self.view.keep(self._editor.objects[name].key)
-
-    def _with_detail(self, step: FitStep) -> FitStep:
-        """Return a stopped fit's step with photo detail, which only full fits end with."""
-        if step.instance.detail or not step.hypotheses or not self.history.can_resume(step.hypotheses[0]):
-            return step
-        return with_photo_detail([fitted.photo for fitted in self.history.photos], step)
 
     def _fitted(self, step: FitStep) -> EditableObject:
         return EditableObject(self.history.name, step.instance, True, step.confidence)
-
-
-def _describe(problems: dict[Path, ValueError], count: int) -> str:
-    """Return a sentence about files that are no photos among ``count`` files; "" for none."""
-    if not problems:
-        return ""
-    if count == 1:
-        return f"Cannot fit this image: {error_text(*problems.values())}"
-    names = ", ".join(printable(path.name) for path in [*problems][:_NAMED]) + ", …" * (len(problems) > _NAMED)
-    return f"{len(problems)} of {count} are no photos: {names}"

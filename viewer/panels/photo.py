@@ -89,7 +89,9 @@ def _draw_object(context: PanelContext, history: FitHistory) -> None:
         pixels = object_pixels(view.image) if view else photo.pixels if photo else None
     if pixels is not None:
         boxes = preview.boxes if preview else ()
-        draw_cut_out(context, pixels, boxes, partial(fitting.choose, history.sources, history.photo_index))
+        draw_cut_out(
+            context, pixels, boxes, partial(context.session.answers.choose, history.sources, history.photo_index)
+        )
     if button("Point at it###point at it", POINT_HELP if history.sources else _LOST_HELP, enabled=photo is not None):
         session.segmenting.open(history.sources, history.photo_index, history.model)
     if fits:

@@ -13,6 +13,7 @@ from jaxtyping import UInt8
 
 from core.classifiers.viewpoint import Side
 from core.fitting.fit import FitStep, Hypothesis
+from core.fitting.photo_views import with_photo_detail
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.models.model import Instance
@@ -93,6 +94,23 @@ class FitHistory:
         """The best hypothesis of the newest step; None if the fit cannot be resumed yet."""
         best = self.last.hypotheses[0] if self.last and self.last.hypotheses else None
         return best if best and self.can_resume(best) else None
+
+    def resume_point_of(self, instance: Instance, camera: Camera) -> Hypothesis | None:
+        """Return the resume point with an object and, for the selected photo, the direction of a camera."""
+        if self.resume_point is None:
+            return None
+        cameras = list(self.resume_point.cameras)
+        photo_camera = cameras[self.photo_index]  # keeps its distance: the other camera is not the photo's
+        cameras[self.photo_index] = replace(photo_camera, azimuth=camera.azimuth, elevation=camera.elevation)
+        return replace(self.resume_point, cameras=tuple(cameras), instance=instance)
+
+    def stopped(self) -> FitHistory:
+        """Return the history of a stopped fit: its last step has photo detail, as only full fits end with it."""
+        last = self.last
+        if last is None or last.instance.detail or not last.hypotheses or not self.can_resume(last.hypotheses[0]):
+            return self
+        detailed = with_photo_detail([fitted.photo for fitted in self.photos], last)
+        return replace(self, steps=(*self.steps[:-1], detailed))
 
     def can_resume(self, hypothesis: Hypothesis) -> bool:
         """Return whether the fit can continue from a hypothesis, which needs a camera per photo."""

@@ -99,5 +99,5 @@ def _draw_menu(context: PanelContext, history: FitHistory, number: int) -> None:
     if len(history.sources) > 1:
         imgui.separator()
         if imgui.menu_item_simple("Take this photo out###remove photo"):
-            fitting.take_out(history, number)
+            fitting.refine(history, without=(number,))
     imgui.end_popup()

@@ -22,7 +22,6 @@ _Answer = tuple[str, str, Callable[[], None]]  # label, tooltip and action of a 
 
 def draw_question(context: PanelContext, question: Question) -> None:
     """Draw a photo in question, and its answers."""
-    fitting = context.session.fitting
     history = question.request.history
     heading(context, question.source.name)
     imgui.push_style_color(imgui.Col_.text, (*context.palette.warm, 1.0))
@@ -33,7 +32,7 @@ def draw_question(context: PanelContext, question: Question) -> None:
     photo = history.photo.pixels if history.photo else context.session.photo_thumbnails.get(question.source.file)
     pixels = preview.pixels if preview else photo
     if pixels is not None:
-        choose_object = partial(fitting.choose, history.sources, question.number, model=history.model)
+        choose_object = partial(context.session.answers.choose, history.sources, question.number, model=history.model)
         draw_cut_out(context, pixels, boxes, choose_object)
     doubtful = question.is_about_category
     if doubtful and not question.neither:
@@ -50,26 +49,26 @@ def draw_question(context: PanelContext, question: Question) -> None:
 
 def _answers(context: PanelContext, question: Question) -> list[_Answer]:
     """Return a question's buttons, the likeliest answer first."""
-    fitting = context.session.fitting
+    answers = context.session.answers
     history = question.request.history
     point = partial(context.session.segmenting.open, history.sources, question.number, history.model)
-    answers: list[_Answer] = [("Point at it###point at it", POINT_HELP, point)]
-    if question.is_failed and fitting.needs_file(question) and not is_there(question.source.file):
+    buttons: list[_Answer] = [("Point at it###point at it", POINT_HELP, point)]
+    if question.is_failed and answers.needs_file(question) and not is_there(question.source.file):
         find = partial(context.find_photo, question)
-        answers = [("Find…###find photo", "Choose its file, which is not there any more, and fit it", find)]
+        buttons = [("Find…###find photo", "Choose its file, which is not there any more, and fit it", find)]
     elif question.is_failed:
-        again = partial(fitting.try_again, question.request)
-        answers.insert(0, ("Try again###try again", "Fit this photo once more", again))
+        again = partial(answers.try_again, question.request)
+        buttons.insert(0, ("Try again###try again", "Fit this photo once more", again))
     elif question.cut and question.model:
         for model in reversed(_categories(context, question)):
             likely = model.fingerprint == question.model and not question.neither
             label = "This one###this one" if likely else f"As a {as_label(model.noun)}###as {model.category}"
-            act = partial(fitting.answer, question, model.fingerprint)
-            answers.insert(0, (label, f"Fit what is outlined, as a {model.noun}", act))
+            act = partial(answers.answer, question, model.fingerprint)
+            buttons.insert(0, (label, f"Fit what is outlined, as a {model.noun}", act))
     several = question.is_about_category or (question.preview is not None and len(question.preview.boxes) > 1)
     words = "None of these" if question.neither or several else "Leave it"
-    leave = f"{words}###leave photo", "Do not fit this photo", partial(fitting.leave, question)
-    return [leave, *answers] if question.neither else [*answers, leave]
+    leave = f"{words}###leave photo", "Do not fit this photo", partial(answers.leave, question)
+    return [leave, *buttons] if question.neither else [*buttons, leave]
 
 
 def _categories(context: PanelContext, question: Question) -> list[Model]:
@@ -92,7 +91,7 @@ def _draw_categories(context: PanelContext, question: Question) -> None:
             imgui.same_line(0, gap)
         corner = imgui.get_cursor_screen_pos()
         if object_tiles.tile_button(f"as {model.category}", (side, side + small_height())):
-            context.session.fitting.answer(question, model.fingerprint)
+            context.session.answers.answer(question, model.fingerprint)
         hovered = imgui.is_item_hovered()
         tooltip(f"Fit what is outlined, as a {model.noun}")
         object_tiles.paint(context, next(iter(objects.families[model.fingerprint])), corner, side)

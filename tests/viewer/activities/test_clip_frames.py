@@ -97,7 +97,7 @@ def test_a_video_that_cannot_be_read_is_reported_and_can_be_tried_again(session:
     assert session.messages.errors == ["Cannot fit this image: block.mp4: there is sound, but no video"]
     (question,) = session.fitting.questions
     session.jobs.backend = replace(session.jobs.backend, clip=six_frames)
-    session.fitting.try_again(question.request)
+    session.answers.try_again(question.request)
     finish(session, lambda: not session.fitting.running)
     assert session.editor.objects.own[0] == "block"
 

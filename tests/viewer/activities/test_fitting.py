@@ -185,7 +185,7 @@ def test_photos_join_and_leave_an_object_without_a_search(session: Session, phot
     finish(session, lambda: not fitting.pending)
     fitting.add_photo(fitting.history, block(photo, "c"))
     finish(session, lambda: not fitting.pending)
-    fitting.take_out(fitting.history, 0)
+    fitting.refine(fitting.history, without=(0,))
     finish(session, lambda: not fitting.pending)
     assert [source.path.stem for source in fitting.history.sources] == ["block c"]
     assert [job.resume_from and len(job.resume_from.cameras) for job in jobs] == [None, 1, 1]
@@ -297,7 +297,7 @@ def test_a_doubtful_cut_out_waits_for_one_answer_while_the_next_photo_is_fitted(
         raise AssertionError("it was cut out already")
 
     session.jobs.backend = replace(session.jobs.backend, cut_out=unread)
-    fitting.answer(question)
+    session.answers.answer(question)
     finish(session, lambda: not fitting.pending)
     assert session.editor.objects.own == ["block", "block b"]
     assert session.messages.errors == []
@@ -311,7 +311,7 @@ def test_the_category_follows_the_detector_where_the_mask_is_doubtful(worker: Wo
     finish(session)
     (question,) = session.fitting.questions
     assert question.model == cars.fingerprint
-    session.fitting.answer(question, chairs.fingerprint)
+    session.answers.answer(question, chairs.fingerprint)
     finish(session, lambda: not session.fitting.pending)
     assert session.editor.model is chairs
     assert session.editor.objects.own == ["block"]
@@ -332,7 +332,7 @@ def test_one_of_several_prominent_objects_is_chosen_by_its_number(session: Sessi
         return crowded(path, photo_hints)
 
     session.jobs.backend = replace(session.jobs.backend, cut_out=noted)
-    fitting.choose(question.request.history.sources, 0, 1)
+    session.answers.choose(question.request.history.sources, 0, 1)
     finish(session, lambda: not fitting.pending)
     assert hints == [Hints(object=1)]
     assert session.editor.objects.own == ["block"]
@@ -375,7 +375,7 @@ def test_a_failed_fit_is_saved_and_repeated_on_request_alone(session: Session, p
     session.fitting.ask_first(question.request)
     assert session.fitting.question is question
     session.jobs.backend = working
-    session.fitting.try_again(question.request)
+    session.answers.try_again(question.request)
     finish(session, lambda: not session.fitting.pending)
     assert session.editor.objects.own == ["block"]
 
@@ -387,7 +387,7 @@ def test_a_failed_fit_of_several_photos_is_left_as_a_whole(session: Session, pho
     (question,) = session.fitting.questions
     assert len(question.request.history.photos) == 2
     assert question.source.name == "block b.png"
-    session.fitting.leave(question)
+    session.answers.leave(question)
     finish(session)
     assert not session.fitting.pending
 
@@ -511,7 +511,7 @@ def test_a_photo_of_another_category_among_several_is_a_question(session: Sessio
     (question,) = session.fitting.questions
     assert question.source.path == second
     assert question.words.startswith("This looks like a boat, the first image like a chair")
-    session.fitting.leave(question)
+    session.answers.leave(question)
     finish(session, lambda: not session.fitting.running)
     assert not session.fitting.questions
     assert [fitted.source.path for fitted in session.fitting.shown.photos] == [photo]

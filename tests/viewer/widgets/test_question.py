@@ -79,7 +79,7 @@ def test_a_photo_whose_file_is_gone_is_fitted_once_the_file_is_found(window: Dri
     window.click("Photo/###find photo")
     assert window.context.files.asking
     moved.write_bytes(content)
-    fitting.relocate(fitting.questions[0], moved)
+    window.session.answers.relocate(fitting.questions[0], moved)
     window.wait(lambda: not fitting.running)
     assert not fitting.pending and window.session.editor.objects.own == ["moved"]
 
