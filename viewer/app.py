@@ -190,7 +190,7 @@ class App:
             width, height: size of the window, px at 96 ppi.
         """
         dirs = imgui.Dir
-        right, left = (max(least, fraction * width) for least, fraction in (_INSPECTOR, _LIBRARY))
+        right, left = (max(min_width, fraction * width) for min_width, fraction in (_INSPECTOR, _LIBRARY))
         library = (dirs.down, _STRIP / height) if width < _NARROW else (dirs.left, left / (width - right))
         return [
             hello_imgui.DockingSplit("MainDockSpace", "Right", dirs.right, right / width),

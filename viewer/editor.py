@@ -228,10 +228,10 @@ class Editor:
             better: the object with the new codes.
             camera: camera to show the new codes from.
         """
-        before = self.objects[name].original
+        original = self.objects[name].original
         self.objects.refit(name, better)
-        on_screen = self.scene.instance == before
-        if on_screen and better.instance != before:
+        on_screen = self.scene.instance == original
+        if on_screen and better.instance != original:
             self.show_added(name, camera)
         return on_screen
 
@@ -278,9 +278,9 @@ class Editor:
 
     def cancel_gesture(self) -> None:
         """End the drag as if it had not begun."""
-        before = self.scene
+        previous = self.scene
         self.history = self.history.cancelled()
-        if self.scene != before:
+        if self.scene != previous:
             self.scene_changed.emit()
 
     def undo(self) -> None:
@@ -293,10 +293,10 @@ class Editor:
 
     def _nearest(self, step: Callable[[History], History]) -> History:
         """Return the history after steps to the next state that can be shown; the same one if there is none."""
-        before = self.history
+        previous = self.history
         history = step(self.history)
-        while not self.can_show(history.now) and history.current != before.current:
-            before = history
+        while not self.can_show(history.now) and history.current != previous.current:
+            previous = history
             history = step(history)
         return history if self.can_show(history.now) else self.history
 
@@ -347,14 +347,14 @@ class Editor:
 
     def _go(self, history: History) -> None:
         """Take another history; after a drag, the object on screen keeps its edits, even if another one follows."""
-        before = self.scene
+        previous = self.scene
         if self.history.gesture and not history.gesture:
-            self.objects.leave(self.state.version_of, before.instance)
+            self.objects.leave(self.state.version_of, previous.instance)
         for name, instance in self.history.left_by(history).items():
             self.objects.keep(name, instance)
         self.history = history
         self.objects.unlist(history.now.removed)
         if not history.gesture:
             self.objects.leave(history.now.version_of, history.now.scene.instance)
-        if history.now.scene != before:
+        if history.now.scene != previous:
             self.scene_changed.emit()

@@ -58,7 +58,7 @@ def turntable(args: argparse.Namespace) -> None:
     if args.dimensions:
         shots = with_room(shots)
     written = write_video(shots, args.out, settings)
-    counts = (count for before, count in pairwise(chain((0,), written)) if count > before)
+    counts = (count for previous, count in pairwise(chain((0,), written)) if count > previous)
     run_with_progress(counts, _shown_frames(shots, args), "frame")
 
 

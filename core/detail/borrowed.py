@@ -240,9 +240,9 @@ def _warp(solid: Bool[Tensor, "h w"], glass: Float[Tensor, "h w"], picture: Pict
     rows = np.interp(np.arange(SIDE), own_rows, picture_rows)
     widths, pictured_widths = (_widths(mask) for mask in (solid, picture.opacity))
     scale = np.clip(np.interp(rows, np.arange(SIDE), pictured_widths) / np.maximum(widths, 4), *_WIDEN)
-    across = (np.arange(SIDE) + 0.5) * 2 / SIDE - 1
+    coordinates = (np.arange(SIDE) + 0.5) * 2 / SIDE - 1
     down = np.broadcast_to((rows[:, None] + 0.5) * 2 / SIDE - 1, (SIDE, SIDE))
-    return torch.from_numpy(np.stack((scale[:, None] * across, down), -1)).float()
+    return torch.from_numpy(np.stack((scale[:, None] * coordinates, down), -1)).float()
 
 
 def _rows(mask: Float[Tensor, "h w"], glass: Float[Tensor, "h w"]) -> tuple[int, ...]:

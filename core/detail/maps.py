@@ -137,20 +137,20 @@ class ComparedPhoto:
         for name in colours if change.any() else ():
             weight = resized(shares[name][None], self.weight)[0] * self.weight
             weight = weight / weight.sum().clamp_min(1e-6)
-            before, moved = ((weight * image).sum((1, 2)) for image in (self.render, change))
+            unpainted, change_mean = ((weight * image).sum((1, 2)) for image in (self.render, change))
             colour = colours[name]
-            moved = moved_paint(moved, colour - before)
-            colours[name] = colour + moved
+            change_mean = moved_paint(change_mean, colour - unpainted)
+            colours[name] = colour + change_mean
             if name not in (*UNPAINTED, *MATERIALS):
-                repaint = repainted(self.photo, colour[:, None, None], moved[:, None, None])
+                repaint = repainted(self.photo, colour[:, None, None], change_mean[:, None, None])
                 photo = photo + shares[name] * (repaint - self.photo)
 
         below = photo
         for paint in textured.codes.of_kind(PartPaint):
-            before, colour = (torch.tensor(values) for values in (paint.before, paint.colour))
-            present = colours.get(paint.part, before)
-            moved = moved_paint(colour - before, present - before)
-            painted = repainted(photo, present[:, None, None], moved[:, None, None]).clamp(0, 1)
+            unpainted, colour = (torch.tensor(values) for values in (paint.before, paint.colour))
+            present = colours.get(paint.part, unpainted)
+            change_mean = moved_paint(colour - unpainted, present - unpainted)
+            painted = repainted(photo, present[:, None, None], change_mean[:, None, None]).clamp(0, 1)
             below = torch.lerp(below, painted, paint.share * paint.membership_in_photo(shares))
         return below
 

@@ -63,11 +63,11 @@ def same_paint(colours: Float[Tensor, "3 *places"], paint: Float[Tensor, "3 *#pl
     light = lightness(colours) / lightness(paint).clamp_min(_BLACK)
     vivid = chroma(paint)
     length = vivid.norm(dim=0).clamp_min(1e-6)
-    along = (chroma(colours) * vivid).sum(0) / length
-    across = (chroma(colours) - along * vivid / length).norm(dim=0) / (0.3 + 0.7 * lightness(colours))
-    ratio = (along + _GREYISH) / (light * length + _GREYISH)
-    hue = smooth_step(across, *_OTHER_HUE) * smooth_step(ratio, *_DULL) * smooth_step(ratio, *_VIVID)
-    return hue * smooth_step(light + 2 * along, *_SHADE) * smooth_step(light, *_BRIGHT)
+    parallel = (chroma(colours) * vivid).sum(0) / length
+    perpendicular = (chroma(colours) - parallel * vivid / length).norm(dim=0) / (0.3 + 0.7 * lightness(colours))
+    ratio = (parallel + _GREYISH) / (light * length + _GREYISH)
+    hue = smooth_step(perpendicular, *_OTHER_HUE) * smooth_step(ratio, *_DULL) * smooth_step(ratio, *_VIVID)
+    return hue * smooth_step(light + 2 * parallel, *_SHADE) * smooth_step(light, *_BRIGHT)
 
 
 def chroma(colours: Float[Tensor, "3 *places"]) -> Float[Tensor, "3 *places"]:

@@ -66,8 +66,8 @@ class PartPaint(Edit):
             return torch.ones_like(colours[..., 0])
         legs = parts.get("legs", torch.zeros_like(colours[..., 0]))
         materials = {"fabric": 1 - legs, "wood": legs} if "legs" in parts else {}  # of one colour
-        share = {**materials, **parts}.get(self.part, torch.zeros_like(legs)).clamp(0, 1)
-        return _certain(share)
+        fraction = {**materials, **parts}.get(self.part, torch.zeros_like(legs)).clamp(0, 1)
+        return _certain(fraction)
 
     def membership_in_photo(self, shares: Mapping[str, Float[Tensor, "*places"]]) -> Float[Tensor, "*places"]:
         """Return the share of the part's paint in a photo's pixels, whose colours tell more than the network's.
@@ -75,8 +75,8 @@ class PartPaint(Edit):
         Args:
             shares: those of parts and materials.
         """
-        share = shares.get(self.part)
-        return torch.zeros_like(next(iter(shares.values()))) if share is None else _certain(share.clamp(0, 1))
+        fraction = shares.get(self.part)
+        return torch.zeros_like(next(iter(shares.values()))) if fraction is None else _certain(fraction.clamp(0, 1))
 
     def over(
         self,
@@ -85,11 +85,11 @@ class PartPaint(Edit):
         membership: Float[Tensor, "*places"],
     ) -> Float[Tensor, "*places 3"]:
         """Return colours with the paint; see :class:`core.edits.edit.Edit`."""
-        colour, before = (colours.new_tensor(value) for value in (self.colour, self.before))
-        light = lightness(colours.movedim(-1, 0)) / lightness(before).clamp_min(0.05)
+        colour, unpainted = (colours.new_tensor(value) for value in (self.colour, self.before))
+        light = lightness(colours.movedim(-1, 0)) / lightness(unpainted).clamp_min(0.05)
         evenly = colour * light.clamp(_DARKEST, _LIGHTEST).sqrt()[..., None]
-        even = ((colour - before).norm() / _ANOTHER).clamp_max(1)
-        painted = torch.lerp(colours + (colour - before), evenly, even).clamp(0, 1)
+        even = ((colour - unpainted).norm() / _ANOTHER).clamp_max(1)
+        painted = torch.lerp(colours + (colour - unpainted), evenly, even).clamp(0, 1)
         return torch.lerp(below, painted, (self.share * membership)[..., None])
 
     @classmethod
@@ -117,6 +117,6 @@ def as_rgb(colour: Float[Tensor, "3"]) -> Rgb:
     return red, green, blue
 
 
-def _certain(share: Float[Tensor, "*places"]) -> Float[Tensor, "*places"]:
+def _certain(fraction: Float[Tensor, "*places"]) -> Float[Tensor, "*places"]:
     """Return a probability nearer to 0 or 1."""
-    return share**_CERTAIN / (share**_CERTAIN + (1 - share) ** _CERTAIN)
+    return fraction**_CERTAIN / (fraction**_CERTAIN + (1 - fraction) ** _CERTAIN)

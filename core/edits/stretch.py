@@ -54,8 +54,8 @@ class Stretch(Edit):
         factors = list(self.factors)
         del factors[axis]
         shortest = max(LEAST, max(factors) / MAX_DISTORTION)
-        most = min(MOST, min(factors) * MAX_DISTORTION)
-        factors.insert(axis, max(shortest, min(most, factor)))
+        limit = min(MOST, min(factors) * MAX_DISTORTION)
+        factors.insert(axis, max(shortest, min(limit, factor)))
         return Stretch((factors[0], factors[1], factors[2]))
 
     @classmethod

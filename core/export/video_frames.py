@@ -86,7 +86,7 @@ def rendered_pixels(views: Sequence[View], exact: bool = False) -> float:
 
 def count_objects(views: Sequence[View]) -> int:
     """Count changes of the object from view to view, plus one."""
-    return 1 + sum(before.instance != after.instance for before, after in pairwise(views))
+    return 1 + sum(first.instance != second.instance for first, second in pairwise(views))
 
 
 def exact_frames(

@@ -24,7 +24,7 @@ def category_likelihood(category: str, photos: Sequence[Photo]) -> float:
     """
     shares = [photo.categories[category] for photo in photos if category in photo.categories]
     product = prod(shares)
-    not_shown = prod(1 - share for share in shares)
+    not_shown = prod(1 - fraction for fraction in shares)
     return product / (product + not_shown) if shares and product else product
 
 

@@ -179,5 +179,5 @@ def compressed(rgba: UInt8[np.ndarray, "height width 4"]) -> bytes:
 
 def decompressed(file: bytes) -> UInt8[np.ndarray, "height width 4"]:
     """Decode a file of :func:`compressed`. Raises ``ValueError`` if it is damaged."""
-    with reading("its photo", "an image"), open_image(io.BytesIO(file), most=8 * SIDE**2) as image:
+    with reading("its photo", "an image"), open_image(io.BytesIO(file), limit=8 * SIDE**2) as image:
         return np.array(image.convert("RGBA"))

@@ -139,15 +139,15 @@ def mask_overlap(first: Bool[np.ndarray, "height width"], second: Bool[np.ndarra
 def scaled(box: Box, factor: float) -> Box:
     """Scale a box about its middle, clipped to the image."""
     left, top, right, bottom = box
-    across, down = ((factor - 1) * size / 2 for size in (right - left, bottom - top))
-    return max(0.0, left - across), max(0.0, top - down), min(1.0, right + across), min(1.0, bottom + down)
+    dx, dy = ((factor - 1) * size / 2 for size in (right - left, bottom - top))
+    return max(0.0, left - dx), max(0.0, top - dy), min(1.0, right + dx), min(1.0, bottom + dy)
 
 
 def _around(point: tuple[float, float], side: float, image: Image.Image) -> Box:
     """Return a square around a point, clipped to the image; its side is a fraction of the image's longer side."""
-    across, down = (side * max(image.size) / size / 2 for size in image.size)
+    dx, dy = (side * max(image.size) / size / 2 for size in image.size)
     x, y = point
-    return max(0.0, x - across), max(0.0, y - down), min(1.0, x + across), min(1.0, y + down)
+    return max(0.0, x - dx), max(0.0, y - dy), min(1.0, x + dx), min(1.0, y + dy)
 
 
 def filled(box: Box, image: Image.Image) -> Bool[np.ndarray, "height width"]:

@@ -50,12 +50,12 @@ def chair_direction(corners: Float[np.ndarray, "9 2"], aspect: float) -> tuple[f
         corners: from :func:`chair_corners`.
         aspect: width over height of the image.
     """
-    across, down = ((corners - 0.5) * (aspect, 1) / _FOCAL).T
+    x, y = ((corners - 0.5) * (aspect, 1) / _FOCAL).T
     signs = np.concatenate((np.ones((9, 1)), _SIGNS), 1)  # of C, X, Y and Z
     zeros = np.zeros_like(signs)
     # Camera axes: x right, y up, looking along -z, so a point appears at (x, -y) / -z.
     rows = np.concatenate(
-        (np.stack((signs, zeros, across[:, None] * signs), -1), np.stack((zeros, signs, -down[:, None] * signs), -1))
+        (np.stack((signs, zeros, x[:, None] * signs), -1), np.stack((zeros, signs, -y[:, None] * signs), -1))
     )
     solution = np.linalg.svd(rows.reshape(18, 12))[2][-1].reshape(4, 3)
     centre, *edges = solution * (-1 if solution[0, 2] > 0 else 1)  # in front of the camera

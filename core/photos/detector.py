@@ -102,16 +102,16 @@ def _detect(pixels: bytes) -> tuple[Detection, ...]:
     boxes = _decode(outputs["raw_outputs_box_encodings"][0])
     class_scores = 1 / (1 + np.exp(-outputs["raw_outputs_class_predictions"][0]))
     scores = np.stack([class_scores[:, classes].max(1) for classes in _CLASSES.values()], 1)
-    kept: list[Detection] = []
+    selected: list[Detection] = []
     for index in np.argsort(-scores.max(1)):
         if scores[index].max() < _MIN_SCORE:
             break
         left, top, right, bottom = map(float, boxes[index])
         detection = Detection((left, top, right, bottom), dict(zip(_CLASSES, scores[index].tolist(), strict=True)))
-        if all(box_overlap(detection.box, better.box) < _SAME for better in kept):  # non-maximum suppression
-            kept.append(detection)
-    kept.sort(key=lambda detection: -detection.prominence)
-    return (*kept[:1], *(detection for detection in kept[1:] if detection.score >= _MIN_OTHER_SCORE))
+        if all(box_overlap(detection.box, better.box) < _SAME for better in selected):  # non-maximum suppression
+            selected.append(detection)
+    selected.sort(key=lambda detection: -detection.prominence)
+    return (*selected[:1], *(detection for detection in selected[1:] if detection.score >= _MIN_OTHER_SCORE))
 
 
 def _decode(encoded: Float[np.ndarray, "anchors 4"]) -> Float[np.ndarray, "anchors 4"]:

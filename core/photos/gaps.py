@@ -94,13 +94,13 @@ def _is_gap(
     around = binary_dilation(part) & ~part
     rows = np.flatnonzero(part.any(1))
     margin = round(_NEAR * len(mask))
-    beside = np.zeros_like(mask)
-    beside[max(0, rows[0] - margin) : rows[-1] + margin + 1] = True
-    beside &= ground
-    if not beside.any() or (around & ~mask).sum() > _OPEN * around.sum():
+    outside = np.zeros_like(mask)
+    outside[max(0, rows[0] - margin) : rows[-1] + margin + 1] = True
+    outside &= ground
+    if not outside.any() or (around & ~mask).sum() > _OPEN * around.sum():
         return False
     histogram = _histogram(colours[part])
-    like_ground = np.minimum(histogram, _histogram(colours[beside])).sum()
+    like_ground = np.minimum(histogram, _histogram(colours[outside])).sum()
     like_object = np.minimum(histogram, object_colours).sum()
     return bool(like_ground > _LIKE_GROUND and like_object < _LIKE_OBJECT * like_ground)
 

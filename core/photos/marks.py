@@ -191,8 +191,8 @@ def _has_other_object(pieces: _Pieces, detections: tuple[Detection, ...]) -> boo
     """True if a large piece apart may be the wanted object: the detector finds it, or nothing."""
     large = np.flatnonzero(pieces.apart & (pieces.areas > _OTHER * pieces.areas.max()))
     boxes = [mask_box(pieces.numbers == number) for number in large]
-    seen = [box for box in boxes for detection in detections if box_overlap(box, detection.box) > _SAME]
-    return bool(seen or (boxes and not detections))
+    detected = [box for box in boxes for detection in detections if box_overlap(box, detection.box) > _SAME]
+    return bool(detected or (boxes and not detections))
 
 
 def _watermark(image: Image.Image, pieces: _Pieces) -> Bool[np.ndarray, "height width"]:

@@ -273,8 +273,8 @@ def _in_boxes(
                 cuts.append(cut)
     if not cuts:
         cuts = [_on_white(colours, box_candidate(rgb, boxes))]
-    chosen = cuts.pop(min(hints.choice, len(cuts) - 1))
-    return replace(chosen, alternatives=tuple(cuts))
+    selected = cuts.pop(min(hints.choice, len(cuts) - 1))
+    return replace(selected, alternatives=tuple(cuts))
 
 
 def _without_gaps(rgb: Image.Image, candidate: Candidate, detections: tuple[Detection, ...]) -> Candidate:

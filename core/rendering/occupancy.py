@@ -185,15 +185,15 @@ class Occupancy:
     def _cells_along(self, rays: Rays, step: float) -> tuple[Int[Tensor, "all"], Bool[Tensor, "all"]]:
         """Return the cell at the middle of each interval, ray by ray, and True if that lies before ``rays.far``."""
         length = (rays.far - rays.near) / step
-        along = torch.arange(max(1, math.ceil(float(length.amax()))), device=length.device) + 0.5
+        middles = torch.arange(max(1, math.ceil(float(length.amax()))), device=length.device) + 0.5
         step_cells = rays.directions * step / self.cell
         first = (rays.origins + rays.directions * rays.near[:, None] + self.extent) / self.cell
         # Whole numbers, which floats hold exactly: fewer passes over memory than with integers.
         x, y, z = (
-            torch.addcmul(first.T[..., None], step_cells.T[..., None], along).clamp_(0, CELLS - 1).floor_().unbind()
+            torch.addcmul(first.T[..., None], step_cells.T[..., None], middles).clamp_(0, CELLS - 1).floor_().unbind()
         )
         cell = torch.add(z, torch.add(y, x, alpha=CELLS), alpha=CELLS)
-        return cell.int().flatten(), (along < length[:, None]).flatten()
+        return cell.int().flatten(), (middles < length[:, None]).flatten()
 
     def depth_range(
         self, camera: Camera, pixel_offset: float = 0.0

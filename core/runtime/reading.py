@@ -74,7 +74,7 @@ def reading(path: Path | str, kind: str = "a file") -> Iterator[None]:
 
 
 def shortened(text: str, length: int) -> str:
-    """Shorten a text to ``most`` characters, keeping its beginning and its last 30."""
+    """Shorten a text to ``length`` characters, keeping its beginning and its last 30."""
     return text if len(text) <= length else f"{text[: length - 33]}...{text[-30:]}"
 
 
@@ -120,13 +120,13 @@ def optional(read: Callable[[], Any]) -> Any:
 # Text and JSON
 
 
-def read_bytes(path: Path, most: int = MAX_DECODED) -> bytes:
-    """Read a file's content. Raises ``TooLargeError`` for more than ``most`` bytes."""
+def read_bytes(path: Path, limit: int = MAX_DECODED) -> bytes:
+    """Read a file's content. Raises ``TooLargeError`` for more than ``limit`` bytes."""
     refuse_pipe(path)
     with path.open("rb") as file:
-        content = file.read(most + 1)
-    if len(content) > most:
-        raise TooLargeError(f"a file of this kind has at most {most / 1e6:.0f} MB")
+        content = file.read(limit + 1)
+    if len(content) > limit:
+        raise TooLargeError(f"a file of this kind has at most {limit / 1e6:.0f} MB")
     return content
 
 
@@ -270,12 +270,12 @@ _OUR_PILLOW = SharedContext(_our_pillow)
 
 
 @contextmanager
-def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DECODED) -> Iterator[Image.Image]:
+def open_image(file: Path | BytesIO, side: int | None = None, limit: int = MAX_DECODED) -> Iterator[Image.Image]:
     """Open an image after checking its header against the memory limit; of a camera raw, its largest preview.
 
     Args:
         side: px that suffice; a JPEG may be decoded at a fraction of its size.
-        most: limit of the decoded image in bytes.
+        limit: limit of the decoded image in bytes.
 
     Raises ``ValueError`` for other files and for images that are too large; decoding may raise anything.
     """
@@ -290,7 +290,7 @@ def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DE
         size = image.width * image.height * _STORED.get(image.mode, 4) * (2 if image.format in _COPIED else 1)
         if image.info.get("progressive"):
             size += full[0] * full[1] * _COEFFICIENTS
-        if size > most:
+        if size > limit:
             raise ValueError(f"the image is too large ({full[0]}x{full[1]} px); make it smaller first")
         yield image
 
@@ -340,10 +340,10 @@ def read_tensors(path: Path) -> "tuple[dict[str, str], dict[str, Tensor]]":
 
 
 @contextmanager
-def open_zip(path: Path, most: int = MAX_DECODED) -> Iterator[zipfile.ZipFile]:
-    """Open a zip file. Raises ``TooLargeError`` if it unpacks to more than ``most`` bytes or too many files."""
+def open_zip(path: Path, limit: int = MAX_DECODED) -> Iterator[zipfile.ZipFile]:
+    """Open a zip file. Raises ``TooLargeError`` if it unpacks to more than ``limit`` bytes or too many files."""
     with zipfile.ZipFile(path) as file:
         members = file.infolist()
-        if len(members) > _MAX_MEMBERS or sum(member.file_size for member in members) > most:
-            raise TooLargeError(f"it unpacks to more than {_MAX_MEMBERS} files or {most / 1e6:.0f} MB")
+        if len(members) > _MAX_MEMBERS or sum(member.file_size for member in members) > limit:
+            raise TooLargeError(f"it unpacks to more than {_MAX_MEMBERS} files or {limit / 1e6:.0f} MB")
         yield file

@@ -113,10 +113,10 @@ class Exporting:
         scene = self._editor.scene
 
         def changes() -> Iterator[float | None]:
-            before = 0.0
+            reported = 0.0
             for done in stream(scene):
-                yield done if done != before else None  # as a value redraws the window
-                before = done
+                yield done if done != reported else None  # as a value redraws the window
+                reported = done
 
         def advanced(done: float) -> None:
             if not self.progress:  # what came before was preparation, or another job's time

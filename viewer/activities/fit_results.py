@@ -42,9 +42,9 @@ class FitResults:
         """Replace the preliminary result ``handed`` by the final one; return whether their viewpoints differ."""
         name = handed.name
         differs = better.instance != self._editor.objects[name].original
-        own = self._editor.scene.camera
-        turned = not orbit.same_direction(own, handed.camera)
-        on_screen = self._editor.improve(name, better, own if turned else camera)
+        view_camera = self._editor.scene.camera
+        turned = not orbit.same_direction(view_camera, handed.camera)
+        on_screen = self._editor.improve(name, better, view_camera if turned else camera)
         if on_screen and differs and not turned:
             self._viewport.frame_result()
         if differs and not on_screen and name not in self._editor.objects.removed:

@@ -153,10 +153,10 @@ class Fitting:
         if len(sources) > MOST_PHOTOS:
             self.fit_each(sources)
             return
-        shown = FitHistory() if self.running and self._viewport.following else self.shown
+        finished = FitHistory() if self.running and self._viewport.following else self.shown
         self.fit(*sources)
         if sources:
-            self._offers.fit_otherwise(sources, shown, note)
+            self._offers.fit_otherwise(sources, finished, note)
 
     def ask_first(self, request: FitRequest) -> None:
         """Show a request's question before the others, and in place of a followed fit."""
@@ -269,9 +269,9 @@ class Fitting:
     def begin(self, request: FitRequest, confirmed: Confirmed = _NONE) -> None:
         """Run a request now, or queue it."""
         unfinished = {source for waiting in self.pending for source in waiting.history.sources}
-        kept = {source: cut for source, cut in self._waiting.confirmed.items() if source in unfinished}
-        kept |= {source: confirmed[source] for source in request.history.sources if source in confirmed}
-        self._waiting = replace(self._waiting, confirmed=kept)
+        cuts = {source: cut for source, cut in self._waiting.confirmed.items() if source in unfinished}
+        cuts |= {source: confirmed[source] for source in request.history.sources if source in confirmed}
+        self._waiting = replace(self._waiting, confirmed=cuts)
         if not self.running:
             self._run(request)
             return

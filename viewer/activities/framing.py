@@ -63,7 +63,7 @@ class Framing:
 
     def _look(self) -> None:
         scene = self._editor.scene
-        before = self._last
+        previous = self._last
         self._last = self._editor.scene
-        if scene.instance is before.instance and scene.camera.distance != before.camera.distance:
+        if scene.instance is previous.instance and scene.camera.distance != previous.camera.distance:
             self._zoomed = True

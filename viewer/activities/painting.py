@@ -119,7 +119,7 @@ class Painting:
     def release(self) -> None:
         """End a drag over colours: the object takes the last one, a step of undo."""
         if self._drag and self._due[-1:] != (self._drag,):
-            waiting = (due for due in self._due[1:] if due.paint.part != self._drag.paint.part)
+            waiting = (choice for choice in self._due[1:] if choice.paint.part != self._drag.paint.part)
             self._set_due((*self._due[:1], *waiting, self._drag))
         self._drag = None
 
@@ -157,11 +157,11 @@ class Painting:
         self._measured.close()
         self._coarse.close()
 
-    def _set_due(self, due: tuple[_Choice, ...]) -> None:
+    def _set_due(self, choices: tuple[_Choice, ...]) -> None:
         """Set the paints that the object is about to take, in order."""
         previous = next(iter(self._due), None)
-        first = next(iter(due), None)
-        self._due = due
+        first = next(iter(choices), None)
+        self._due = choices
         if first is not previous:
             self._jobs.cancel("paint")
             if first:

@@ -46,19 +46,19 @@ class PhotoOffers:
         """Withdraw the offers that do not depend on a fit."""
         self._closed = True
 
-    def fit_otherwise(self, sources: tuple[PhotoSource, ...], shown: FitHistory, note: str) -> None:
+    def fit_otherwise(self, sources: tuple[PhotoSource, ...], finished: FitHistory, note: str) -> None:
         """Offer an object for each of the photos, or another photo of the finished object shown.
 
         Args:
             note: words about files that are no photos, for the same message.
         """
-        name = shown.name
+        name = finished.name
         if len(sources) > 1:
             text = f"{len(sources)} photos are fitted as one object"
             button = Button("An object each", partial(self._instead, sources, partial(self._fits.fit_each, sources)))
-        elif shown.photos and len(shown.sources) < MOST_PHOTOS:
+        elif finished.photos and len(finished.sources) < MOST_PHOTOS:
             text = f"{sources[0].name} is fitted as a new object"
-            add = partial(self._fits.refine, shown, sources[0])
+            add = partial(self._fits.refine, finished, sources[0])
             button = Button("Another photo of", partial(self._instead, sources, add), name)
         else:
             return

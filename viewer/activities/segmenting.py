@@ -103,10 +103,10 @@ class Segmenting:
     def undo(self) -> None:
         """Return to the hints before the last step."""
         while self.past:
-            before = self.past[-1]
+            previous = self.past[-1]
             self.past = self.past[:-1]
-            if before != self.hints:
-                self.set_hints(before)
+            if previous != self.hints:
+                self.set_hints(previous)
                 return
 
     def fit(self) -> None:

@@ -127,8 +127,8 @@ class Thumbnails:
         if self._jobs.busy("thumbnails"):
             self._queue = {}
             return
-        due = [key for key in self._queue if key not in self._frames and key not in self._failed]
-        batch = [(key, self._queue[key]) for key in due[:_BATCH]]
+        missing = [key for key in self._queue if key not in self._frames and key not in self._failed]
+        batch = [(key, self._queue[key]) for key in missing[:_BATCH]]
         self._queue = {}
         if not batch:
             return

@@ -100,12 +100,12 @@ class Viewport:
 
     def change(self, **settings: Any) -> None:
         """Change fields of :class:`~viewer.values.view_request.ViewSettings`; render again if needed."""
-        before = self.settings
+        previous = self.settings
         self.settings = replace(self.settings, **settings)
-        as_before = replace(self.settings, mode=before.mode, opengl=before.opengl) == before
+        as_before = replace(self.settings, mode=previous.mode, opengl=previous.opengl) == previous
         if not as_before or (self.baked_frame and not self.settings.baked):
             self._refresh()
-        if self.settings.panel != before.panel and not self._editor.history.past and not self.following:
+        if self.settings.panel != previous.panel and not self._editor.history.past and not self.following:
             self.framing.keep_size(self.settings.panel)
 
     def pan_by(self, across: float, down: float) -> None:

@@ -57,10 +57,10 @@ class Help:
         if imgui.get_io().want_text_input and imgui.is_key_pressed(imgui.Key.f1, False):
             context.help_open = False
         hint = "Type what you look for; Enter does the first"
-        before = self._search
+        previous = self._search
         enter = imgui.InputTextFlags_.enter_returns_true
-        entered, self._search = imgui.input_text_with_hint("##search", hint, before, enter)
-        if self._search != before:
+        entered, self._search = imgui.input_text_with_hint("##search", hint, previous, enter)
+        if self._search != previous:
             self._results = find(context, self._search)
         if entered and self._results:
             self._run(context, self._results[0])
@@ -122,10 +122,10 @@ def find(context: PanelContext, search: str) -> list[Entry]:
 
 def _draw_table(context: PanelContext) -> None:
     """Draw the actions by place."""
-    for place, rows in TABLE.items():
+    for section, rows in TABLE.items():
         imgui.table_next_row()
         imgui.table_next_column()
-        heading(context, place)
+        heading(context, section)
         for row in rows:
             imgui.table_next_row()
             imgui.table_next_column()

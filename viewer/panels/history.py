@@ -77,17 +77,17 @@ class HistoryStrip:
         imgui.end()
         imgui.pop_style_var(2)
 
-    def _tiles(self, now: int) -> list[_Tile]:
+    def _tiles(self, current: int) -> list[_Tile]:
         """Return the tiles of the current path, each followed by the branches that begin at its steps."""
         edits = list[Edit]()
         for group in self._groups:
             every = tuple(chain.from_iterable(edit.steps for edit in group))
-            edits += group if now in every else (group[-1]._replace(steps=every),)
+            edits += group if current in every else (group[-1]._replace(steps=every),)
         tiles = list[_Tile]()
         undone = False
         for number, edit in enumerate(edits, 1):
             tiles.append(_Tile(f"state {number}", edit.steps, edit.words, undone))
-            undone |= now in edit.steps
+            undone |= current in edit.steps
             for count, branch in enumerate(self._branches, 1):
                 if branch.start in edit.steps:
                     tiles.append(_Tile(f"branch {count}", (branch.last,), branch.words, branch=True))

@@ -51,9 +51,9 @@ class LibraryPanel(Panel):
     def draw(self, context: PanelContext) -> None:
         """Draw the button, the filter and the tiles; thumbnails out of sight are not rendered."""
         names = _headings(context.session.models)
-        least = _STRIP * hello_imgui.em_size()
-        if strip := imgui.get_content_region_avail().y < least:
-            imgui.begin_child("filter", (least, 0), imgui.ChildFlags_.nav_flattened)
+        min_size = _STRIP * hello_imgui.em_size()
+        if strip := imgui.get_content_region_avail().y < min_size:
+            imgui.begin_child("filter", (min_size, 0), imgui.ChildFlags_.nav_flattened)
         if not Welcome.is_due(context):
             action_button(context, "fit_image", f"{_PHOTO}  Open photo", -1, context.palette.accent)
         choices = {_ALL: "All", **names, _MINE: "Mine"}
@@ -64,7 +64,7 @@ class LibraryPanel(Panel):
         scrolls = imgui.WindowFlags_.horizontal_scrollbar if strip else 0
         if imgui.begin_child("objects", (0, 0), imgui.ChildFlags_.nav_flattened, scrolls):
             if strip and imgui.is_window_hovered() and (wheel := imgui.get_io().mouse_wheel):
-                imgui.set_scroll_x(imgui.get_scroll_x() - wheel * least)
+                imgui.set_scroll_x(imgui.get_scroll_x() - wheel * min_size)
             self._draw_objects(context, names, strip)
         imgui.end_child()
         self._user_menu.apply(context)
@@ -106,9 +106,9 @@ class LibraryPanel(Panel):
         size = ImVec2(imgui.get_content_region_avail().x, _LINE * em)
         if imgui.is_rect_visible(size):
             _draw_button(context, version, corner, size, self._user_menu)
-            place = corner + ImVec2(size.y + 0.4 * em, (size.y - small_height()) / 2)
+            position = corner + ImVec2(size.y + 0.4 * em, (size.y - small_height()) / 2)
             words = context.session.names.version(version.root, version.instance)
-            paint_caption(context, words, place, size.x - size.y - 0.4 * em, across=0.0, quiet=False)
+            paint_caption(context, words, position, size.x - size.y - 0.4 * em, across=0.0, quiet=False)
         else:
             imgui.dummy(size)
 
@@ -124,8 +124,8 @@ class LibraryPanel(Panel):
         em = hello_imgui.em_size()
         room = imgui.get_content_region_avail()
         gap = 0.4 * em
-        least = object_tiles.THUMBNAIL * em
-        columns = max(1, len(tiles)) if strip else max(2, int((room.x + gap) / (least + gap)))
+        min_size = object_tiles.THUMBNAIL * em
+        columns = max(1, len(tiles)) if strip else max(2, int((room.x + gap) / (min_size + gap)))
         side = room.y - small_height() if strip else (room.x - gap * (columns - 1)) / columns
         size = ImVec2(side, side + small_height())
         start = imgui.get_cursor_screen_pos()

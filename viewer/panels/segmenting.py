@@ -103,16 +103,16 @@ class SegmentingDialog:
         io = imgui.get_io()
         if imgui.is_item_hovered() and io.mouse_wheel:
             mouse = (imgui.get_mouse_pos() - corner) / size
-            before = self._zoom
+            previous = self._zoom
             self._zoom = max(1.0, min(_MAX_ZOOM, self._zoom * 1.2**io.mouse_wheel))
-            self._left += mouse.x * (1 / before - 1 / self._zoom)
-            self._top += mouse.y * (1 / before - 1 / self._zoom)
+            self._left += mouse.x * (1 / previous - 1 / self._zoom)
+            self._top += mouse.y * (1 / previous - 1 / self._zoom)
         if imgui.is_item_hovered() and imgui.is_mouse_down(imgui.MouseButton_.middle):
             self._left -= io.mouse_delta.x / (size.x * self._zoom)
             self._top -= io.mouse_delta.y / (size.y * self._zoom)
-        most = 1 - 1 / self._zoom
-        self._left = max(0.0, min(most, self._left))
-        self._top = max(0.0, min(most, self._top))
+        limit = 1 - 1 / self._zoom
+        self._left = max(0.0, min(limit, self._left))
+        self._top = max(0.0, min(limit, self._top))
         extent = size * self._zoom
         return corner - extent * ImVec2(self._left, self._top), extent
 

@@ -178,7 +178,7 @@ def _draw_kinds(kind: str) -> str:
     return _draw_toggles(kind, toggles, width)
 
 
-def _draw_toggles(chosen: T, toggles: Mapping[T, tuple[str, str]], width: float) -> T:
+def _draw_toggles(selected: T, toggles: Mapping[T, tuple[str, str]], width: float) -> T:
     """Draw buttons side by side and return the chosen value.
 
     Args:
@@ -186,14 +186,14 @@ def _draw_toggles(chosen: T, toggles: Mapping[T, tuple[str, str]], width: float)
         width: em of each.
     """
     for value, (label, text) in toggles.items():
-        colour = imgui.Col_.button_active if value == chosen else imgui.Col_.button
+        colour = imgui.Col_.button_active if value == selected else imgui.Col_.button
         imgui.push_style_color(imgui.Col_.button, imgui.get_style_color_vec4(colour))
         if button(label, text, width):
-            chosen = value
+            selected = value
         imgui.pop_style_color()
         imgui.same_line(0, hello_imgui.em_size(0.3))
     imgui.new_line()
-    return chosen
+    return selected
 
 
 def _draw_films(context: PanelContext, settings: ShareSettings, room: float) -> ShareSettings:
@@ -210,23 +210,23 @@ def _draw_films(context: PanelContext, settings: ShareSettings, room: float) -> 
     corner = imgui.get_cursor_screen_pos()
     width = room / len(kinds)
     size = ImVec2(width, width / WIDE if film.wide else width) * hello_imgui.em_size()
-    chosen = film.kind
+    selected = film.kind
     for number, kind in enumerate(kinds):
-        place = corner + ImVec2(number * (size.x + hello_imgui.em_size(0.3)), 0)
-        imgui.set_cursor_screen_pos(place)
-        chosen = kind if imgui.invisible_button(f"##preview {kind}", size) else chosen
+        position = corner + ImVec2(number * (size.x + hello_imgui.em_size(0.3)), 0)
+        imgui.set_cursor_screen_pos(position)
+        selected = kind if imgui.invisible_button(f"##preview {kind}", size) else selected
         tooltip(_ABOUT[kind])
         frame = previews.frame(kind, imgui.get_time())
         if frame is not None and context.images is not None:
             texture = context.images.texture(frame, context.palette)
-            imgui.get_window_draw_list().add_image(texture, place, place + size)
-    chosen = _draw_toggles(chosen, {kind: (f"{FILMS[kind]}###{kind}", _ABOUT[kind]) for kind in kinds}, width)
+            imgui.get_window_draw_list().add_image(texture, position, position + size)
+    selected = _draw_toggles(selected, {kind: (f"{FILMS[kind]}###{kind}", _ABOUT[kind]) for kind in kinds}, width)
     if editor.scene.instance.detail:
-        imgui.text_disabled(_sources(previews.photo_shares(chosen)))
+        imgui.text_disabled(_sources(previews.photo_shares(selected)))
         tooltip("Sources of the colours in this film. What neither the photo nor its mirror image shows is the model's")
     if previews.moving:
         context.session.jobs.worker.wake()
-    return settings if chosen == film.kind else replace(settings, kind=chosen)
+    return settings if selected == film.kind else replace(settings, kind=selected)
 
 
 def _sources(shares: tuple[float, float] | None) -> str:
@@ -291,9 +291,11 @@ def _draw_background(settings: ShareSettings) -> ShareSettings:
     current = settings.background if settings.background in able else "white"
     _label("Background")
     width = _WIDTH - 2.5 if current == "colour" else _WIDTH
-    chosen = choose("background", current, able, "What is behind the object; mp4 and jpg cannot be transparent", width)
-    if chosen != current:
-        settings = replace(settings, background=chosen)
+    selected = choose(
+        "background", current, able, "What is behind the object; mp4 and jpg cannot be transparent", width
+    )
+    if selected != current:
+        settings = replace(settings, background=selected)
     if settings.background == "colour":
         imgui.same_line()
         colour = [channel / 255 for channel in settings.colour]

@@ -162,8 +162,8 @@ def _texture(context: PanelContext, pixels: tuple[int, int], ring: tuple[float, 
         return context.baked_canvas.draw(viewport.baked, viewport.baked_frame, context.palette, ring)
     frame, crop = viewport.full_frame
     mode = viewport.settings.mode
-    shown = _in_mode(viewport.repainted or frame, crop, mode)
-    return context.canvas.draw(shown, crop, pixels, context.palette, mode == "colour", ring)
+    displayed = _in_mode(viewport.repainted or frame, crop, mode)
+    return context.canvas.draw(displayed, crop, pixels, context.palette, mode == "colour", ring)
 
 
 @lru_cache(1)

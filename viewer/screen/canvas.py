@@ -64,7 +64,7 @@ class Target:
     def of_size(self, size: tuple[int, int]) -> Iterator[None]:
         """Bind the texture, resized to ``size`` (px), as the framebuffer inside a ``with``."""
         screen = self._context.screen  # None without a window
-        before = screen and (self._context.fbo or screen)
+        previous = screen and (self._context.fbo or screen)
         if self._framebuffer is None or self._framebuffer.size != size:
             self.release()
             self._texture = self._context.texture(size, 4)
@@ -75,8 +75,8 @@ class Target:
         self._context.disable(moderngl.BLEND | moderngl.CULL_FACE | moderngl.DEPTH_TEST)
         self._context.scissor = None
         yield
-        if before:
-            before.use()
+        if previous:
+            previous.use()
 
     def release(self) -> None:
         """Release the GL objects."""

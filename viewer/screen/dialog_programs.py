@@ -97,8 +97,8 @@ class ProgramDialog:
     def _wait(self) -> None:
         assert self._process.stdout
         assert self._process.stderr
-        with ThreadPoolExecutor(1) as other:
-            reading = other.submit(self._read, self._process.stderr)
+        with ThreadPoolExecutor(1) as reader:
+            reading = reader.submit(self._read, self._process.stderr)
             answer = self._read(self._process.stdout)
             errors = reading.result()
         self._process.wait()

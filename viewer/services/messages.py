@@ -77,8 +77,10 @@ class Messages:
     @property
     def newest(self) -> Message | None:
         """The message on screen: the newest until it fades, then one that is still to be read."""
-        due = [message for message in self.all if not message.faded]
-        return next((message for message in reversed(due) if message is self.all[-1] or message.buttons == OK), None)
+        visible = [message for message in self.all if not message.faded]
+        return next(
+            (message for message in reversed(visible) if message is self.all[-1] or message.buttons == OK), None
+        )
 
     def notify(self, text: str, kind: MessageKind = MessageKind.DONE, **more: Any) -> None:
         """Show a message, replacing an equal one; ``more`` are fields of :class:`Message`."""
@@ -104,7 +106,7 @@ class Messages:
 
     def dismiss(self, message: Message) -> None:
         """Remove a message."""
-        self.all = [other for other in self.all if other is not message]
+        self.all = [listed for listed in self.all if listed is not message]
 
 
 def error_text(error: Exception) -> str:

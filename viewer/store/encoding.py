@@ -247,7 +247,7 @@ def decode_photo(file: bytes, most: int = _MAX_PHOTO, **beside: Any) -> Photo:
         most: limit of the decoded pixels in bytes.
         beside: the photo's other fields.
     """
-    with reading("its photo", "an image"), open_image(io.BytesIO(file), most=most) as image:
+    with reading("its photo", "an image"), open_image(io.BytesIO(file), limit=most) as image:
         rgba = torch.from_numpy(np.array(image.convert("RGBA")))
         return Photo(rgba[..., :3].float() / 255, rgba[..., 3] > 127, **beside)
 

@@ -66,11 +66,11 @@ def _check(path: Path) -> None:
         raise ValueError(project.lost[0])
 
 
-def read_project(path: Path, now: State | None = None, copies: PhotoCopies | None = None) -> Project:
+def read_project(path: Path, current_state: State | None = None, copies: PhotoCopies | None = None) -> Project:
     """Read a project of any origin; parts that cannot be read are :attr:`Project.lost`. Objects are of no model yet.
 
     Args:
-        now: state to show if none can be read; None: that is an error.
+        current_state: state to show if none can be read; None: that is an error.
         copies: writes the copies of photo files; None writes none.
 
     Raises ``ValueError`` if it is no project.
@@ -81,7 +81,7 @@ def read_project(path: Path, now: State | None = None, copies: PhotoCopies | Non
         (number,) = connection.execute("SELECT id FROM sessions ORDER BY id LIMIT 1").fetchone() or (None,)
         if number is None:
             raise ValueError("the project is empty")
-        return reader.session(number, now, with_fits=True)
+        return reader.session(number, current_state, with_fits=True)
 
 
 @contextmanager

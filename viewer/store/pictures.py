@@ -33,9 +33,9 @@ def read_pictures(connection: sqlite3.Connection) -> dict[str, Pixels]:
 def write_pictures(connection: sqlite3.Connection, pictures: Mapping[str, Pixels]) -> None:
     """Store new images, and delete the oldest ones beyond a limit."""
     with transaction(connection):
-        known = {name for (name,) in connection.execute("SELECT name FROM pictures")}
+        stored = {name for (name,) in connection.execute("SELECT name FROM pictures")}
         for name, pixels in pictures.items():
-            if f"{_RENDERS}{name}" not in known or max(pixels.shape) > _TILE:
+            if f"{_RENDERS}{name}" not in stored or max(pixels.shape) > _TILE:
                 height, width = pixels.shape[:2]
                 values = f"{_RENDERS}{name}", width, height, zlib.compress(pixels.tobytes(), 1)
                 connection.execute("INSERT OR REPLACE INTO pictures VALUES (?, ?, ?, ?)", values)

@@ -62,8 +62,8 @@ class SessionRows:
         try:
             self._write(project, status)
         except sqlite3.IntegrityError:  # another window has deleted something that this one still has
-            there = {str(key) for (key,) in self._connection.execute("SELECT key FROM objects")}
-            self._known = {key: row for key, row in self._known.items() if key in there}
+            stored = {str(key) for (key,) in self._connection.execute("SELECT key FROM objects")}
+            self._known = {key: row for key, row in self._known.items() if key in stored}
             self._write(project, status)
         self._written = project
         self._known = {item.key: (item, _is_mine(item, project)) for item in project.objects}
@@ -105,9 +105,9 @@ class SessionRows:
         for entry in project.model_files.items() - self._written.model_files.items():
             execute("INSERT OR REPLACE INTO models VALUES (?, ?)", entry)
         for item in project.objects:
-            known, was_mine = self._known.get(item.key, (None, None))
+            stored, was_mine = self._known.get(item.key, (None, None))
             is_mine = _is_mine(item, project)
-            if known is not item or was_mine is not is_mine:
+            if stored is not item or was_mine is not is_mine:
                 self._write_object(item, is_mine)
         for key, fit in project.fits.items():
             if self._written.fits.get(key) is not fit and fit.sources:
@@ -115,10 +115,10 @@ class SessionRows:
         if not self._written.history.steps:
             execute("DELETE FROM members WHERE session = ?", (self.number,))
             execute("DELETE FROM steps WHERE session = ?", (self.number,))
-        before, after = ({int(item.key) for item in value.members} for value in (self._written, project))
-        for member in after - before:
+        old_keys, new_keys = ({int(item.key) for item in value.members} for value in (self._written, project))
+        for member in new_keys - old_keys:
             execute("INSERT OR IGNORE INTO members VALUES (?, ?)", (self.number, member))
-        for member in before - after:
+        for member in old_keys - new_keys:
             execute("DELETE FROM members WHERE session = ? AND object = ?", (self.number, member))
 
     def _write_object(self, item: EditableObject, is_mine: bool) -> None:
@@ -136,13 +136,13 @@ class SessionRows:
     def _write_steps(self, project: Project) -> None:
         """Write the steps that differ, objects in them by their keys, as other sessions may rename them."""
         keys = {item.name: f"#{item.key}" for item in project.objects}
-        before = self._written.history.steps
+        written = self._written.history.steps
         steps = project.history.steps
-        gone = [(self.number, number) for number in before.keys() - steps.keys()]
+        gone = [(self.number, number) for number in written.keys() - steps.keys()]
         rows = [
             (self.number, number, step.parent, put(self._blobs, step.state.renamed(keys)))
             for number, step in steps.items()
-            if before.get(number) != step
+            if written.get(number) != step
         ]
         self._connection.executemany("DELETE FROM steps WHERE session = ? AND number = ?", gone)
         self._connection.executemany("INSERT OR REPLACE INTO steps VALUES (?, ?, ?, ?)", rows)
@@ -155,11 +155,11 @@ def _is_mine(item: EditableObject, project: Project) -> bool:
 
 def _thinned(fit: FitHistory) -> FitHistory:
     """Return a fit with few steps, of which only the last has other hypotheses than the best."""
-    *before, last = fit.steps or (None,)
+    *earlier, last = fit.steps or (None,)
     if last is None:
         return fit
-    stride = -(-len(before) // (_MAX_STEPS - 1)) or 1
-    steps = (replace(step, hypotheses=step.hypotheses[:1]) for step in before[::stride])
+    stride = -(-len(earlier) // (_MAX_STEPS - 1)) or 1
+    steps = (replace(step, hypotheses=step.hypotheses[:1]) for step in earlier[::stride])
     return replace(fit, steps=(*steps, last))
 
 
@@ -208,8 +208,8 @@ class SessionReader:
         values = bool(columns.fitted), columns.confidence, unedited, root, str(columns.key)
         return EditableObject(name, instance, *values), columns.fit
 
-    def session(self, number: int, now: State | None, with_fits: bool = False) -> Project:
-        """Return a session as a project; with the state ``now`` alone if none can be read."""
+    def session(self, number: int, current_state: State | None, with_fits: bool = False) -> Project:
+        """Return a session as a project; with the state ``current_state`` alone if none can be read."""
         rows = self._rows("SELECT current, tip, pending, project FROM sessions WHERE id = ?", number)
         current, tip, pending, path = rows[0] if rows else (None,) * 4
         where = f"key IN (SELECT object FROM members WHERE session = ? LIMIT {_MAX_ROWS})"
@@ -221,7 +221,7 @@ class SessionReader:
             if with_fits and content is not None and (fit := self._try(partial(self.fit, content)))
         }
         return Project(
-            self._history(number, current, tip, names, now),
+            self._history(number, current, tip, names, current_state),
             tuple(objects),
             fits,
             (self._try(partial(self._pending, pending)) or ()) if pending is not None else (),
@@ -245,7 +245,9 @@ class SessionReader:
             _checked(request.history)
         return requests
 
-    def _history(self, number: int, current: Any, tip: Any, names: dict[str, str], now: State | None) -> History:
+    def _history(
+        self, number: int, current: Any, tip: Any, names: dict[str, str], current_state: State | None
+    ) -> History:
         """Return a history without unreadable states; readable ones are consecutive if they are no tree."""
         query = f"SELECT number, parent, state FROM steps WHERE session = ? ORDER BY number LIMIT {_MAX_ROWS}"
         rows = self._rows(query, number)
@@ -253,9 +255,9 @@ class SessionReader:
         unreadable = {step for step, state in states.items() if state is None}
         readable = [state.renamed(names) for state in states.values() if state]
         if not readable:
-            if now is None:
+            if current_state is None:
                 raise ValueError(*self.lost[:1])
-            return History.of(now)
+            return History.of(current_state)
 
         def tree() -> History:
             renamed = {step: state.renamed(names) if state else readable[0] for step, state in states.items()}

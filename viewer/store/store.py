@@ -174,9 +174,9 @@ class Store:
         self._delete(session.number for session in sessions[EARLIER:])
         self.earlier = tuple(sessions[:EARLIER])
 
-    def session(self, number: int, now: State) -> Project:
-        """Return a session as a project; with the state ``now`` alone if none can be read."""
-        return self._run(lambda: self._reader().session(number, now))
+    def session(self, number: int, current_state: State) -> Project:
+        """Return a session as a project; with the state ``current_state`` alone if none can be read."""
+        return self._run(lambda: self._reader().session(number, current_state))
 
     def write(self, project: Project) -> None:
         """Write the changes of this window's session."""

@@ -52,7 +52,7 @@ class CutOutPreview:
 
 def read_compressed(file: bytes) -> UInt8[np.ndarray, "height width 3"]:
     """Decode a file of :attr:`CutOutPreview.compressed`. Raises ``ValueError`` if it is none."""
-    with open_image(io.BytesIO(file), most=_MAX_BYTES) as image:
+    with open_image(io.BytesIO(file), limit=_MAX_BYTES) as image:
         return np.array(image.convert("RGB"))
 
 

@@ -112,11 +112,11 @@ class History:
         """Names of the objects of which the states up to the current one are versions, the newest first."""
         return tuple(dict.fromkeys(state.version_of for state in (self.now, *reversed(self.past))))
 
-    def left_by(self, after: History) -> dict[str, Instance]:
+    def left_by(self, newer: History) -> dict[str, Instance]:
         """Return the last versions of objects, by name, on the part of this path that another history has left."""
-        if after.tip == self.tip:
+        if newer.tip == self.tip:
             return {}
-        ids = {id(state) for state in after.states}
+        ids = {id(state) for state in newer.states}
         left = [state for state in self.states if id(state) not in ids and state.version_of]
         return {state.version_of: state.scene.instance for state in left}
 
@@ -176,8 +176,8 @@ class History:
 
     def _end(self, number: int) -> int:
         """Return the number of the newest end of the branches after a step."""
-        while after := self._children.get(number):
-            number = after[-1]
+        while children := self._children.get(number):
+            number = children[-1]
         return number
 
     # Changes

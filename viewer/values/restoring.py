@@ -34,12 +34,12 @@ def first_mix(objects: ObjectLibrary, model: Model) -> Mix:
 
 
 def restored(
-    project: Project, now: State, objects: ObjectLibrary, models: OpenModels
+    project: Project, current_state: State, objects: ObjectLibrary, models: OpenModels
 ) -> tuple[History, dict[str, str]]:
     """Add a project's objects to ``objects`` and return its history, at the nearest state that can be shown.
 
     Its edits of an object replace those made here, which become a version. If no state can be shown,
-    the state ``now`` follows all others. Also returns the keys of the objects here by their keys in the project.
+    ``current_state`` follows all others. Also returns the keys of the objects here by their keys in the project.
     """
     names = objects.match(project.objects)
 
@@ -57,7 +57,7 @@ def restored(
     keys = {item.key: objects[names[item.name]].key for item in project.objects}
     nearest = next((number for number in history.nearest if can_show(history.steps[number].state, objects)), None)
     if nearest is None:
-        return History.of(replace(now, removed=history.now.removed)).after(history), keys
+        return History.of(replace(current_state, removed=history.now.removed)).after(history), keys
     return history.at(nearest), keys
 
 
@@ -74,6 +74,6 @@ def reopened(history: History, model: Model, objects: ObjectLibrary, models: Ope
 def _with_names_here(state: State, names: Mapping[str, str], objects: ObjectLibrary, models: OpenModels) -> State:
     """Return a state with the names of its objects here: by ``names``, or those of its model's objects."""
     instance = models.adopt(state.scene.instance)
-    own = {name: objects.name_here(name, instance.fingerprint) or name for name in state.mix.names}
-    mix = state.mix.renamed({**own, **names})
+    names_here = {name: objects.name_here(name, instance.fingerprint) or name for name in state.mix.names}
+    mix = state.mix.renamed({**names_here, **names})
     return replace(state, scene=replace(state.scene, instance=instance), mix=mix)

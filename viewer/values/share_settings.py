@@ -49,9 +49,9 @@ class ShareSettings:
             *((self.kind, KINDS), (self.background, BACKGROUNDS), (self.unit, DIMENSIONS)),
             *((self.video, video.FORMATS), (self.picture, IMAGE_FORMATS), (self.mesh, FORMATS)),
         )
-        for chosen, among in choices:
-            if chosen not in among:
-                raise ValueError(f"choose one of {', '.join(among)}, not {chosen}")
+        for value, among in choices:
+            if value not in among:
+                raise ValueError(f"choose one of {', '.join(among)}, not {value}")
         if not all(0 <= channel <= 255 for channel in self.colour):
             raise ValueError(f"a colour has parts of 0 to 255, got {self.colour}")
         if self.cells and not 8 <= self.cells <= MAX_RESOLUTION:

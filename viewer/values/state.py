@@ -78,36 +78,36 @@ class State:
         removed = frozenset(names.get(name, name) for name in self.removed)
         return replace(self, mix=self.mix.renamed(names), removed=removed)
 
-    def change_from(self, before: State, label: Label = readable) -> str:
+    def change_from(self, earlier: State, label: Label = readable) -> str:
         """Describe the edit since an earlier state in a few words."""
         mix = self.mix
-        if mix.a != before.mix.a:
+        if mix.a != earlier.mix.a:
             return mix.a.words(label)
-        if (mix.shape, mix.texture) != (before.mix.shape, before.mix.texture):
+        if (mix.shape, mix.texture) != (earlier.mix.shape, earlier.mix.texture):
             return f"{label(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
-        now = self.scene.instance.natural.codes
-        then = before.scene.instance.natural.codes
-        kinds = (kind for kind in CODE_KINDS if getattr(now, f"{kind}_key") != getattr(then, f"{kind}_key"))
-        return " and ".join(kinds) or self._aside_from(before, label)
+        codes = self.scene.instance.natural.codes
+        then = earlier.scene.instance.natural.codes
+        kinds = (kind for kind in CODE_KINDS if getattr(codes, f"{kind}_key") != getattr(then, f"{kind}_key"))
+        return " and ".join(kinds) or self._aside_from(earlier, label)
 
-    def _aside_from(self, before: State, label: Label) -> str:
+    def _aside_from(self, earlier: State, label: Label) -> str:
         """Describe a change that keeps both codes."""
-        if self.is_edit_of(before):
-            now, then = (state.scene.instance.codes.edits_of("size") for state in (self, before))
-            return "photo detail" if now == then else "size"
-        return "removed objects" if self.removed != before.removed else f"{label(self.mix.b)} as B"
+        if self.is_edit_of(earlier):
+            edits, earlier_edits = (state.scene.instance.codes.edits_of("size") for state in (self, earlier))
+            return "photo detail" if edits == earlier_edits else "size"
+        return "removed objects" if self.removed != earlier.removed else f"{label(self.mix.b)} as B"
 
-    def is_edit_of(self, before: State) -> bool:
+    def is_edit_of(self, earlier: State) -> bool:
         """Return whether the codes differ from an earlier state's."""
-        return self.scene.instance is not before.scene.instance and self.scene.instance != before.scene.instance
+        return self.scene.instance is not earlier.scene.instance and self.scene.instance != earlier.scene.instance
 
-    def carrying(self, before: State, after: State) -> State:
-        """Return the state after a change of removed objects from ``before`` to ``after``; itself without one."""
-        if after.removed == before.removed:
+    def carrying(self, earlier: State, later: State) -> State:
+        """Return the state after a change of removed objects from ``earlier`` to ``later``; itself without one."""
+        if later.removed == earlier.removed:
             return self
-        removed = (self.removed | (after.removed - before.removed)) - (before.removed - after.removed)
+        removed = (self.removed | (later.removed - earlier.removed)) - (earlier.removed - later.removed)
         return replace(self, removed=removed)
 
-    def is_move_of(self, before: State) -> bool:
+    def is_move_of(self, earlier: State) -> bool:
         """Return whether only the camera differs from an earlier state, if anything does."""
-        return replace(self, scene=replace(self.scene, camera=before.scene.camera)) == before
+        return replace(self, scene=replace(self.scene, camera=earlier.scene.camera)) == earlier

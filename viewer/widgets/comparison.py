@@ -21,10 +21,10 @@ class Comparison:
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
         """Draw the photo over the view, imgui's last item; return whether the tool takes the mouse."""
-        shown = photo_place(context, corner, size)
-        if shown is None or context.images is None:
+        photo_rect = photo_place(context, corner, size)
+        if photo_rect is None or context.images is None:
             return False
-        view, low, high = shown
+        view, low, high = photo_rect
         if imgui.is_item_active():
             self._line = min(1.0, max(0.0, (imgui.get_mouse_pos().x - low.x) / (high.x - low.x)))
         draw = imgui.get_window_draw_list()

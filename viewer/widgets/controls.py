@@ -55,8 +55,8 @@ def is_pointed_at(flags: int = 0) -> bool:
 def begin_tooltip_at(top: ImVec2) -> bool:
     """Begin a tooltip above a place or, without room, below imgui's last item; if True, call ``end_tooltip``."""
     is_above = top.y > hello_imgui.em_size(_ROOM)
-    place = top if is_above else ImVec2(top.x, imgui.get_item_rect_max().y)
-    imgui.set_next_window_pos(place, imgui.Cond_.always, (0, 1 if is_above else 0))
+    position = top if is_above else ImVec2(top.x, imgui.get_item_rect_max().y)
+    imgui.set_next_window_pos(position, imgui.Cond_.always, (0, 1 if is_above else 0))
     return imgui.begin_tooltip()
 
 
@@ -108,7 +108,7 @@ def action_button(
         action.run(context)
 
 
-def draw_choice(choices: dict[str, str], chosen: str) -> str:
+def draw_choice(choices: dict[str, str], selected: str) -> str:
     """Draw all choices (values and labels) side by side, wrapped, and return the chosen value."""
     gap = imgui.get_style().item_spacing.x  # half of the gap on either side belongs to the highlight of the chosen one
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + gap / 2)
@@ -119,9 +119,9 @@ def draw_choice(choices: dict[str, str], chosen: str) -> str:
             if imgui.get_content_region_avail().x < width + gap:
                 imgui.new_line()
                 imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + gap / 2)
-        if imgui.selectable(f"{label}###{value}", chosen == value, size=(width, 0))[0]:
-            chosen = value
-    return chosen
+        if imgui.selectable(f"{label}###{value}", selected == value, size=(width, 0))[0]:
+            selected = value
+    return selected
 
 
 def flow(label: str, width: float = 0.0) -> None:
@@ -165,7 +165,7 @@ def labelled_slider(
     return imgui.slider_float(f"##{name}", value, *limits, "", imgui.SliderFlags_.always_clamp)
 
 
-def choose(name: str, chosen: T, choices: Mapping[T, str], text: str, width: float = 7) -> T:
+def choose(name: str, selected: T, choices: Mapping[T, str], text: str, width: float = 7) -> T:
     """Draw a drop-down list with a tooltip and return the chosen value.
 
     Args:
@@ -174,13 +174,13 @@ def choose(name: str, chosen: T, choices: Mapping[T, str], text: str, width: flo
         width: em.
     """
     imgui.set_next_item_width(hello_imgui.em_size(width))
-    if imgui.begin_combo(f"##{name}", choices.get(chosen, str(chosen))):
+    if imgui.begin_combo(f"##{name}", choices.get(selected, str(selected))):
         for value, label in choices.items():
-            if imgui.selectable(label, value == chosen)[0]:
-                chosen = value
+            if imgui.selectable(label, value == selected)[0]:
+                selected = value
         imgui.end_combo()
     tooltip(text)
-    return chosen
+    return selected
 
 
 class NameField:

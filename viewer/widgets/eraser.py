@@ -21,12 +21,12 @@ class Eraser:
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
         """Draw stroke and brush over the view, imgui's last item; return whether the tool takes the mouse."""
-        shown = photo_place(context, corner, size)
+        photo_rect = photo_place(context, corner, size)
         detail = context.session.editor.scene.instance.detail
-        if shown is None or detail is None:
+        if photo_rect is None or detail is None:
             self._points = []
             return False
-        view, low, high = shown
+        view, low, high = photo_rect
         mouse = imgui.get_mouse_pos()
         extent = high - low
         if imgui.is_item_hovered() and (wheel := imgui.get_io().mouse_wheel):

@@ -71,8 +71,8 @@ class PartHandle:
         if self._lit and self._lit[0] is not visible:
             self._lit = None
         if self._click and visible:
-            place = self._click[1] - corner
-            handle = visible.handle_at((place.x / size.x, place.y / size.y))
+            position = self._click[1] - corner
+            handle = visible.handle_at((position.x / size.x, position.y / size.y))
             self._lit = (visible, handle) if handle else None
             self._click = None
 

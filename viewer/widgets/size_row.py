@@ -26,10 +26,10 @@ def draw_size(context: PanelContext) -> None:
     icon = imgui.get_frame_height() / em + 0.6  # em, width of a button
     width = (imgui.get_content_region_avail().x - 2 * icon * em - 4 * gap) / 3
     instance = editor.scene.instance
-    known = lengths(instance, bounds) if bounds else {}
+    measured = lengths(instance, bounds) if bounds else {}
     for name in SIDES:
         imgui.set_next_item_width(width)
-        _draw_length(context, name, "", known.get(name, 0.0))
+        _draw_length(context, name, "", measured.get(name, 0.0))
         imgui.same_line(0, gap)
     is_tool = context.tool == "size"
     colour = context.palette.accent if is_tool else None
@@ -39,9 +39,9 @@ def draw_size(context: PanelContext) -> None:
     if button(f"{_NATURAL}###natural size", "The natural size", icon, enabled=instance.is_sized):
         editor.edit(instance.natural)
     portion = portion_of(instance.model)
-    if portion and (bounds is None or portion.name in known):
+    if portion and (bounds is None or portion.name in measured):
         imgui.set_next_item_width(2 * width + gap)
-        _draw_length(context, portion.name, " cm", known.get(portion.name, 0.0))
+        _draw_length(context, portion.name, " cm", measured.get(portion.name, 0.0))
     imgui.end_disabled()
 
 

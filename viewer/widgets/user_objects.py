@@ -62,8 +62,8 @@ class UserObjectMenu:
         """
         objects = context.session.editor.objects
         imgui.separator()
-        kept = instance == objects[objects.root(name)].original or len(objects.named(name, instance)) > 1
-        if imgui.menu_item_simple("Keep this version###keep version", enabled=not kept):
+        is_kept = instance == objects[objects.root(name)].original or len(objects.named(name, instance)) > 1
+        if imgui.menu_item_simple("Keep this version###keep version", enabled=not is_kept):
             objects.keep(name, instance)
         tooltip("Later edits leave a version like this one")
         if renamed:

@@ -25,8 +25,8 @@ def hold_out(dataset: Dataset) -> tuple[Dataset, Dataset]:
     return replace(dataset, objects=training), replace(dataset, objects=held_out, weights=())
 
 
-def _selected(views: ObjectViews, chosen: slice) -> ObjectViews:
-    return replace(views, images=views.images[chosen], masks=views.masks[chosen], cameras=views.cameras[chosen])
+def _selected(views: ObjectViews, rows: slice) -> ObjectViews:
+    return replace(views, images=views.images[rows], masks=views.masks[rows], cameras=views.cameras[rows])
 
 
 def held_out_psnr(model: Model, dataset: Dataset, samples: int = 64) -> float:

@@ -93,9 +93,9 @@ def _places(
     area = np.linalg.norm(normals, axis=1)
     sampled = generator.choice(len(area), _PLACES, p=area / area.sum())
     weights = generator.dirichlet((1, 1, 1), _PLACES)[..., None]
-    places = (weights * mesh.vertices[mesh.faces[sampled]]).sum(1)
-    inside = torch.from_numpy(places - _DEPTH * normals[sampled] / area[sampled, None]).float()
+    points = (weights * mesh.vertices[mesh.faces[sampled]]).sum(1)
+    inside = torch.from_numpy(points - _DEPTH * normals[sampled] / area[sampled, None]).float()
     folded = FoldedField.of(instance)
     with torch.inference_mode():
         features = folded.density(inside.to(folded.device))[1].float().cpu()
-    return features.clone(), torch.from_numpy(labels[cKDTree(middles).query(places)[1]])
+    return features.clone(), torch.from_numpy(labels[cKDTree(middles).query(points)[1]])

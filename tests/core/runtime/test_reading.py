@@ -152,12 +152,12 @@ def test_zips_and_images_are_measured_before_they_are_decoded(tmp_path: Path) ->
         pass
     path = tmp_path / "a.jpg"
     Image.new("RGB", (4000, 3000)).save(path, progressive=False)
-    with pytest.raises(ValueError, match="too large"), open_image(path, most=13_000_000):
+    with pytest.raises(ValueError, match="too large"), open_image(path, limit=13_000_000):
         pass
-    with open_image(path, side=1000, most=13_000_000) as image:
+    with open_image(path, side=1000, limit=13_000_000) as image:
         assert image.size == (2000, 1500)  # a JPEG is decoded at a part of its size
     Image.new("RGB", (4000, 3000)).save(path, progressive=True)
-    with pytest.raises(ValueError, match="4000x3000 px"), open_image(path, side=1000, most=30_000_000):
+    with pytest.raises(ValueError, match="4000x3000 px"), open_image(path, side=1000, limit=30_000_000):
         pass  # but not a progressive one
 
 
