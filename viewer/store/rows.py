@@ -154,12 +154,12 @@ def _is_mine(item: EditableObject, project: Project) -> bool:
 
 
 def _thinned(fit: FitHistory) -> FitHistory:
-    """Return a fit with few steps, of which only the last has other hypotheses than the best."""
+    """Return a fit with few steps, of which only the last has its own object, and hypotheses."""
     *earlier, last = fit.steps or (None,)
     if last is None:
         return fit
     stride = -(-len(earlier) // (_MAX_STEPS - 1)) or 1
-    steps = (replace(step, hypotheses=step.hypotheses[:1]) for step in earlier[::stride])
+    steps = (replace(step, instance=last.instance, hypotheses=()) for step in earlier[::stride])
     return replace(fit, steps=(*steps, last))
 
 

@@ -70,7 +70,7 @@ def test_a_saved_project_is_loaded_completely(saved: Project, session: Session, 
     last = fit.last
     assert (last.confidence, last.runner_up) == (expected.last.confidence, expected.last.runner_up)
     assert last.instance == expected.last.instance and len(last.hypotheses) == len(expected.last.hypotheses)
-    assert [len(step.hypotheses) for step in fit.steps[:-1]] == [1] * 9
+    assert all(step.instance == last.instance and not step.hypotheses for step in fit.steps[:-1])
     assert (last.hypotheses[0].crop_transform == expected.last.hypotheses[0].crop_transform).all()
     whole, again = (value.photos[0].preview.pixels.astype(float) for value in (expected, fit))
     assert np.abs(whole - again).mean() < 5
