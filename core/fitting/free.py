@@ -42,10 +42,13 @@ def free_object(
         winner: result of the search, a single hypothesis.
         stage: :attr:`core.fitting.schedule.Schedule.free`.
     """
-    problem = _cautious(problem, winner, generator)
+    frees_all = frees_network(problem, winner)
+    # Photos of several sides tell light and gloss from shape.
+    if any(photo.mask_confidence < 1 or (photo.cropped and not frees_all) for photo in problem.photos):
+        problem = _cautious(problem, winner, generator)
     for origin, freed in _free_biases(problem, winner, stage, generator):
         yield origin, freed
-    if frees_network(problem, winner):
+    if frees_all:
         yield from free_network(problem, origin, freed, stage, generator)
 
 
@@ -69,8 +72,6 @@ def _cautious(problem: Problem, winner: HypothesisBatch, generator: torch.Genera
     Free biases would explain light, gloss and errors of the mask by shape, so the prior weighs more. Doubtful masks add
     to the object, but carve nothing that its codes hold solid: a gap may be a mistake.
     """
-    if not any(photo.cropped or photo.mask_confidence < 1 for photo in problem.photos):
-        return problem
     observations = tuple(
         observation if photo.mask_confidence == 1 else _without_solid(problem, winner, observation, view)
         for view, (observation, photo) in enumerate(zip(problem.observations, problem.photos, strict=True))
