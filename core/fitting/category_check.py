@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from math import prod
 
 from core.models.library import DEFAULT_MODEL
-from core.models.model import singular
+from core.models.model_file import singular
 from core.photos.photo import Photo
 
 UNLIKELY = 0.3  # probability of a category below which people are warned

@@ -18,7 +18,8 @@ from core.geometry.camera import Camera, project
 from core.gl.baked_field import LOGITS, MIN_LIGHT, BakedField
 from core.gl.camera_uniforms import camera_uniforms
 from core.gl.detail_shader import DetailTextures, glsl, uniforms
-from core.rendering.occupancy import CELLS, splat
+from core.rendering.occupancy import CELLS
+from core.rendering.splatting import splat
 
 VERTEX = """
 #version 330

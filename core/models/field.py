@@ -11,6 +11,7 @@ from torch.nn import functional
 
 from core.models.density import logits_to_density
 from core.models.field_config import FieldConfig
+from core.models.latents import Latents
 
 
 def encode(values: Float[Tensor, "*batch 3"], frequencies: int) -> Float[Tensor, "*batch encoded"]:
@@ -95,6 +96,21 @@ class Field(nn.Module):
         entry = self.direction_layer
         blocks = _matrices(self.texture_block)
         return entry.weight[:, : self.config.width], entry.bias[None], *blocks, self.colour_hidden.weight
+
+    def fits(self, latents: Latents) -> bool:
+        """Return whether codes and offsets have the sizes of this field."""
+        config = self.config
+        if latents.shape.shape != (config.shape_latent,) or latents.texture.shape != (config.texture_latent,):
+            return False
+        sizes = (
+            (latents.shape_offsets, config.shape_blocks, self.shape_weights),
+            (latents.texture_offsets, config.texture_blocks, self.texture_weights),
+        )
+        return all(
+            offsets is None
+            or (offsets.shape[1] == config.width and len(offsets) in (blocks, blocks + sum(map(len, weights))))
+            for offsets, blocks, weights in sizes
+        )
 
     def radiance(
         self,

@@ -17,7 +17,7 @@ from core.geometry.camera import MAX_SIDE, Camera
 from core.models.codes import CodeBook, Codes
 from core.models.field import Field
 from core.models.latents import CodeKind, Latents
-from core.models.model_file import Words, read_model_file, rendering_tensors, write_model_file
+from core.models.model_file import Words, read_model_file, rendering_tensors, singular, write_model_file
 from core.models.occupied_cells import find_occupied_cells
 from core.models.part_head import PartHead
 from core.models.photo_detail import PhotoDetail
@@ -27,7 +27,7 @@ from core.runtime.modes import usual_settings
 from core.runtime.numbers import number, whole
 from core.runtime.reading import reading
 
-__all__ = ["Instance", "Model", "Words", "singular"]
+__all__ = ["Instance", "Model", "Words"]
 
 _MIN_BIAS_STD = 1e-3  # of a bias that hardly differs between training objects
 _LARGEST = 1e6  # upper bound of lengths in scene units and px
@@ -205,27 +205,12 @@ class Model:
         """Return whether codes, and those fitted to their photos, have the sizes that the field needs."""
         directions = len(self.codes.shape_space.std) if self.supports_motion else 0
         edits = all(edit.fits(self.extent, directions) for edit in codes.edits)
-        return edits and all(map(self._fits, (codes, codes.detail.fitted) if codes.detail else (codes,)))
+        return edits and all(map(self.field.fits, (codes, codes.detail.fitted) if codes.detail else (codes,)))
 
     @property
     def supports_motion(self) -> bool:
         """False for the authors' checkpoints and for M1 and M2, whose codes move alone."""
         return not (self.white_from_network or self.is_ablation)
-
-    def _fits(self, latents: Latents) -> bool:
-        """Return whether codes and offsets have the sizes of this model's field."""
-        config = self.field.config
-        if latents.shape.shape != (config.shape_latent,) or latents.texture.shape != (config.texture_latent,):
-            return False
-        parts = (
-            (latents.shape_offsets, config.shape_blocks, self.field.shape_weights),
-            (latents.texture_offsets, config.texture_blocks, self.field.texture_weights),
-        )
-        return all(
-            offsets is None
-            or (offsets.shape[1] == config.width and len(offsets) in (blocks, blocks + sum(map(len, weights))))
-            for offsets, blocks, weights in parts
-        )
 
     def biases(
         self, latents: Latents
@@ -414,13 +399,3 @@ class Instance:
 def _instance(load: Callable[..., Model], arguments: tuple[str, ...], codes: Codes) -> Instance:
     """Return an object that was pickled with the origin of its model."""
     return Instance(load(*arguments), codes)
-
-
-def singular(category: str) -> str:
-    """Return the noun for one object of a category.
-
-    Example:
-        >>> singular("chairs")
-        'chair'
-    """
-    return category.removesuffix("s")

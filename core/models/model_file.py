@@ -146,3 +146,13 @@ def _halved(tensor: Shaped[Tensor, "*shape"]) -> Shaped[Tensor, "*shape"]:
     """Return the tensor in half precision if that has the same values."""
     half = tensor.half()
     return half if torch.equal(half.float(), tensor) else tensor
+
+
+def singular(category: str) -> str:
+    """Return the noun for one object of a category.
+
+    Example:
+        >>> singular("chairs")
+        'chair'
+    """
+    return category.removesuffix("s")
