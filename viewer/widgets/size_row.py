@@ -1,6 +1,6 @@
 """Fields for the object's width, depth and height, and for its legs or roof, in centimetres."""
 
-from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
+from imgui_bundle import icons_fontawesome_4, imgui
 
 from core.editing.bounds import portion_of
 from core.editing.size import SIDES, lengths
@@ -11,6 +11,7 @@ from viewer.widgets.text import heading
 _HANDLES = icons_fontawesome_4.ICON_FA_ARROWS_ALT
 _NATURAL = icons_fontawesome_4.ICON_FA_UNDO
 _BOX = "Drag the sides of a box around the object, and its legs or roof"
+_BUTTON = 2.0  # em, width of a button
 _SPEED = 0.5  # % of a length per px of a drag
 _FINE = 20.0  # cm below which a length has a decimal
 
@@ -19,36 +20,34 @@ def draw_size(context: PanelContext) -> None:
     """Draw the fields, a button for the box with handles, and one for the natural size."""
     editor = context.session.editor
     bounds = context.session.sizing.bounds
-    heading(context, "Size")
-    imgui.begin_disabled(bounds is None)
-    gap = imgui.get_style().item_inner_spacing.x
-    em = hello_imgui.em_size()
-    icon = imgui.get_frame_height() / em + 0.6  # em, width of a button
-    width = (imgui.get_content_region_avail().x - 2 * icon * em - 4 * gap) / 3
     instance = editor.scene.instance
     measured = lengths(instance, bounds) if bounds else {}
-    for name in SIDES:
-        imgui.set_next_item_width(width)
-        _draw_length(context, name, "", measured.get(name, 0.0))
-        imgui.same_line(0, gap)
-    is_tool = context.tool == "size"
-    colour = context.palette.accent if is_tool else None
-    if button(f"{_HANDLES}###size handles", _BOX, icon, colour=colour):
-        context.tool = "turn" if is_tool else "size"
-    imgui.same_line(0, gap)
-    if button(f"{_NATURAL}###natural size", "The natural size", icon, enabled=instance.is_sized):
-        editor.edit(instance.natural)
     portion = portion_of(instance.model)
-    if portion and (bounds is None or portion.name in measured):
-        imgui.set_next_item_width(2 * width + gap)
-        _draw_length(context, portion.name, " cm", measured.get(portion.name, 0.0))
+    imgui.begin_disabled(bounds is None)
+    imgui.align_text_to_frame_padding()
+    heading(context, "Size")
+    imgui.same_line()
+    is_tool = context.tool == "size"
+    if button(f"{_HANDLES}###size handles", _BOX, _BUTTON, colour=context.palette.accent if is_tool else None):
+        context.tool = "turn" if is_tool else "size"
+    imgui.same_line()
+    if button(f"{_NATURAL}###natural size", "The natural size", _BUTTON, enabled=instance.is_sized):
+        editor.edit(instance.natural)
+    gap = imgui.get_style().item_inner_spacing.x
+    width = (imgui.get_content_region_avail().x - gap) / 2
+    names = (*SIDES, portion.name) if portion and (bounds is None or portion.name in measured) else SIDES
+    for number, name in enumerate(names):
+        if number % 2:
+            imgui.same_line(0, gap)
+        imgui.set_next_item_width(width)
+        _draw_length(context, name, measured.get(name, 0.0))
     imgui.end_disabled()
 
 
-def _draw_length(context: PanelContext, name: str, unit: str, length: float) -> None:
+def _draw_length(context: PanelContext, name: str, length: float) -> None:
     """Draw a field for a length in cm; 0 is not known, and cannot be changed."""
     title = name.capitalize()
-    text = f"{title} {_format(length)}{unit}" if length else title
+    text = f"{title} {_format(length)} cm" if length else title
     moved, to = imgui.drag_float(f"##{title}", length, max(0.01, _SPEED * length / 100), 0.0, 0.0, text)
     if moved and length and to > 0 and abs(to - length) > 1e-6:
         context.session.reshaping.resize(name, to)
