@@ -209,10 +209,10 @@ class Session:
         editor.remove(*names)
         for name in names:
             self.fitting.results.unseen.discard(name)
-        after = editor.history
+        history = editor.history
 
         def undo() -> None:
-            editor.undo() if editor.history is after else editor.put_back(*names)
+            editor.undo() if editor.history is history else editor.put_back(*names)
 
         def relevant() -> bool:
             return self.editor is editor and editor.objects.removed.issuperset(names)

@@ -46,7 +46,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def at_pause(function: Callable[[], None]) -> None:
-    """Set what the current thread calls at every :func:`pause`, such as work that a person waits for."""
+    """Set a function for the current thread to call at every :func:`pause`, such as work that a person waits for."""
     _caller.at_pause = function
 
 

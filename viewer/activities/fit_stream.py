@@ -69,18 +69,18 @@ def fit_stream(
             yield _not_found(source, model or here)
             return
         guess = _guess(backend, cut)
-        chosen = model or _choose(jobs.models, here, guess)
+        selected = model or _choose(jobs.models, here, guess)
         if len(photos) >= request.answered:
-            warning = describe_difference(first, guess) if model else describe_category(guess, chosen.category)
+            warning = describe_difference(first, guess) if model else describe_category(guess, selected.category)
             categories = "" if model or is_sure(guess) else _categories(jobs.models)
             neither = source.hints is None and bool(guess) and likeliest_category(guess) is None
             if words := _doubt(source, cut, warning, categories, neither):
-                yield Doubt(words, None if categories else chosen, cut, preview, neither)
+                yield Doubt(words, None if categories else selected, cut, preview, neither)
                 return
         first = first or guess
         yield preview
         if model is None:
-            model = chosen
+            model = selected
             yield model
         for _ in backend.view_bank(model):
             yield None

@@ -51,8 +51,8 @@ class Names:
         """Return the words for codes of an object's version: its own name, or what differs from the fit."""
         objects = self._editor.objects
         versions = (version for version in objects.named(name, instance) if objects[version].version_of)
-        if own := next((version for version in versions if not _NUMBERED.search(version)), ""):
-            return own
+        if named := next((version for version in versions if not _NUMBERED.search(version)), ""):
+            return named
         root = objects[objects.root(name)]
         if instance == root.original:
             return "as fitted" if root.fitted else "as opened"
@@ -71,8 +71,8 @@ class Names:
         if not name:
             return colours
         states = [state.scene.instance for state in reversed(editor.history.states) if state.version_of == name]
-        kept = editor.objects.states(name) if editor.objects.is_added(name) else [editor.objects[name].instance]
-        for instance in (*states, *reversed(kept)):
+        shown_states = editor.objects.states(name) if editor.objects.is_added(name) else [editor.objects[name].instance]
+        for instance in (*states, *reversed(shown_states)):
             if not instance.is_missing and is_variant(colours[0], instance) and instance not in colours:
                 colours.append(instance)
         return colours[:_MOST_COLOURS]

@@ -96,10 +96,10 @@ class HistoryStrip:
     def _draw_tile(self, context: PanelContext, tile: _Tile, corner: ImVec2, height: float) -> ImVec2:
         """Draw a tile, a click on which goes to the last of its steps; return the place right of it."""
         history = context.session.editor.history
-        now = history.current
+        current = history.current
         side = height * (_FOLDED if tile.branch else 1)
         low = corner + ImVec2(0, height - side)
-        is_current = now in tile.steps
+        is_current = current in tile.steps
         state = history.now if is_current else history.steps[tile.steps[-1]].state
         imgui.set_cursor_screen_pos(low)
         if not imgui.is_rect_visible((side, side)):  # hundreds of states cost nothing while scrolled away
@@ -112,9 +112,9 @@ class HistoryStrip:
             tooltip(_tooltip(tile, is_current))
             frame = _thumbnail(context, state, is_current and bool(history.gesture))
             object_tiles.paint_frame(context, frame, low, side)
-        if is_current and self._scrolled_to != now:
+        if is_current and self._scrolled_to != current:
             imgui.set_scroll_here_x()
-            self._scrolled_to = now
+            self._scrolled_to = current
         _draw_marks(context, tile, is_current, low, side)
         return corner + ImVec2(side, 0)
 

@@ -129,17 +129,19 @@ def shrink_to_monitor() -> None:
     (width, height) = glfw.get_window_size(window)
 
     def overlap(area: tuple[int, int, int, int]) -> int:
-        left, top, across, down = area
-        wide = min(x + width, left + across) - max(x, left)
-        high = min(y + height, top + down) - max(y, top)
+        left, top, area_width, area_height = area
+        wide = min(x + width, left + area_width) - max(x, left)
+        high = min(y + height, top + area_height) - max(y, top)
         return max(0, wide) * max(0, high)
 
     areas = map(glfw.get_monitor_workarea, glfw.get_monitors())
-    left, top, across, down = max(areas, key=overlap, default=(x, y, width, height))
-    if width > across or height > down:
-        before, above, after, below = glfw.get_window_frame_size(window)
-        glfw.set_window_pos(window, left + before, top + above)
-        glfw.set_window_size(window, min(width, across - before - after), min(height, down - above - below))
+    left, top, area_width, area_height = max(areas, key=overlap, default=(x, y, width, height))
+    if width > area_width or height > area_height:
+        left_frame, above, right_frame, below = glfw.get_window_frame_size(window)
+        glfw.set_window_pos(window, left + left_frame, top + above)
+        glfw.set_window_size(
+            window, min(width, area_width - left_frame - right_frame), min(height, area_height - above - below)
+        )
 
 
 def draw_into(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Framebuffer:

@@ -190,8 +190,8 @@ class Decoder:
 
     def _photo(self, record: Any) -> Photo:
         kinds = field_types(Photo)
-        beside = {name: self.decode(kinds[name], record[name]) for name in _BESIDE_IMAGE if name in record}
-        photo = decode_photo(self._bytes(record["image"]), min(_MAX_PHOTO, self._left), **beside)
+        fields = {name: self.decode(kinds[name], record[name]) for name in _BESIDE_IMAGE if name in record}
+        photo = decode_photo(self._bytes(record["image"]), min(_MAX_PHOTO, self._left), **fields)
         self._left -= 4 * photo.mask.numel()
         if photo.fine:
             decompressed(photo.fine)  # raises if damaged

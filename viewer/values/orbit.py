@@ -89,8 +89,8 @@ def photo_box(
         return None
     shorter = min(panel)
     x, y = (side / 2 + shorter * shift for side, shift in zip(panel, pan, strict=True))
-    across, down = (view.focal / view.height * shorter / photo.focal * side / 2 for side in (photo.width, photo.height))
-    return x - across, y - down, x + across, y + down
+    dx, dy = (view.focal / view.height * shorter / photo.focal * side / 2 for side in (photo.width, photo.height))
+    return x - dx, y - dy, x + dx, y + dy
 
 
 def panned(pan: tuple[float, float], across: float, down: float) -> tuple[float, float]:
@@ -138,8 +138,8 @@ def fit_to_panel(
         pan: shift of the object to the right and down, as fractions of the shorter side.
     """
     shorter = max(1, min(width, height))
-    across, down = (max(1, round(detail * side / shorter)) for side in (width, height))
+    columns, rows = (max(1, round(detail * side / shorter)) for side in (width, height))
     right, below = (round(detail * shift) for shift in pan)
-    full = across + 2 * abs(right), down + 2 * abs(below)
+    full = columns + 2 * abs(right), rows + 2 * abs(below)
     full_camera = replace(camera, focal=camera.focal * detail / camera.height, width=full[0], height=full[1])
-    return PanelCrop(full_camera, across, down, abs(right) - right, abs(below) - below)
+    return PanelCrop(full_camera, columns, rows, abs(right) - right, abs(below) - below)

@@ -48,8 +48,8 @@ class Project:
             folder: folder of the project's file, in which models are found by name.
         """
         for fingerprint, name in self.model_files.items():
-            beside = folder and folder / Path(name).name
-            models.expect(fingerprint, str(beside) if beside and beside.is_file() else name)
+            neighbour = folder and folder / Path(name).name
+            models.expect(fingerprint, str(neighbour) if neighbour and neighbour.is_file() else name)
         return self._converted(models.adopt)
 
     def _converted(self, change: Callable[[Instance], Instance]) -> "Project":

@@ -146,22 +146,22 @@ def labelled_slider(
     """
     em = hello_imgui.em_size()
     room = imgui.get_content_region_avail().x
-    before = columns[0] * em
-    after = columns[1] * em
-    if before + after > 0.6 * room:  # narrow: the label has a line of its own
+    left_width = columns[0] * em
+    right_width = columns[1] * em
+    if left_width + right_width > 0.6 * room:  # narrow: the label has a line of its own
         imgui.text(label)
-        before = 0.0
+        left_width = 0.0
     left = imgui.get_cursor_pos_x()
     imgui.align_text_to_frame_padding()
     corner = imgui.get_cursor_screen_pos()
     draw = imgui.get_window_draw_list()
     colour = imgui.get_color_u32(imgui.Col_.text)
     down = imgui.get_style().frame_padding.y
-    if before:
+    if left_width:
         draw.add_text(corner + ImVec2(0, down), colour, label)
     draw.add_text(corner + ImVec2(room - imgui.calc_text_size(text).x, down), colour, text)
-    imgui.set_cursor_pos_x(left + before)
-    imgui.set_next_item_width(max(em, room - before - after))
+    imgui.set_cursor_pos_x(left + left_width)
+    imgui.set_next_item_width(max(em, room - left_width - right_width))
     return imgui.slider_float(f"##{name}", value, *limits, "", imgui.SliderFlags_.always_clamp)
 
 
