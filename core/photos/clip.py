@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 from PIL import Image
 
-from core.photos.colour_encoding import Encoding, decoded
+from core.photos.colour_encoding import BT2020, HDR, Encoding, decoded
 from core.photos.decode import WORKING_SIDE
 from core.photos.sharpness import measure_sharpness
 from core.runtime.reading import reading
@@ -40,8 +40,6 @@ _TURNS = (None, Image.Transpose.ROTATE_90, Image.Transpose.ROTATE_180, Image.Tra
 
 # Numbers of FFmpeg
 _UNSPECIFIED, _BT709, _BT601 = 2, 1, 5
-_HDR = (16, 18)  # the transfer curves of BT.2100
-_BT2020 = 9
 
 _Value = TypeVar("_Value")
 
@@ -273,8 +271,8 @@ def _to_image(frame: "av.VideoFrame") -> Image.Image:
     matrix = unlabelled if frame.colorspace == _UNSPECIFIED else frame.colorspace
     pixels = frame.reformat(*size, "rgb24", src_colorspace=matrix, interpolation="AREA").to_ndarray()
     image = Image.fromarray(pixels).convert("RGBA")
-    if frame.color_trc in _HDR:
-        image = decoded(image, Encoding(_BT2020, frame.color_trc))
+    if frame.color_trc in HDR:
+        image = decoded(image, Encoding(BT2020, frame.color_trc))
     turn = _TURNS[round(frame.rotation / 90) % 4]
     return image if turn is None else image.transpose(turn)
 

@@ -34,7 +34,7 @@ def colour_encoding(image: Image.Image) -> Encoding | None:
     primaries, transfer, narrow = numbers or _SRGB
     if primaries not in _TO_SRGB or transfer not in _CURVES:
         primaries, transfer, _ = _SRGB
-    if transfer in _HDR or narrow:
+    if transfer in HDR or narrow:
         return Encoding(primaries, transfer, narrow=narrow)
     if "icc_profile" in image.info:
         return None
@@ -130,7 +130,8 @@ def _hlg(levels: Float[np.ndarray, "levels"]) -> Float[np.ndarray, "levels"]:
 
 
 _HLG = 18
-_HDR = (16, _HLG)
+HDR = (16, _HLG)  # transfer curves of BT.2100
+BT2020 = 9  # primaries
 _LIKE_SRGB = (1, 6, 13, 14, 15)  # video's curves are shown like sRGB's
 _SRGB = (1, 13, False)
 _CURVES = dict.fromkeys(_LIKE_SRGB, _srgb) | {
@@ -142,6 +143,6 @@ _CURVES = dict.fromkeys(_LIKE_SRGB, _srgb) | {
 }
 _TO_SRGB = {
     1: np.eye(3),
-    9: np.array([(1.6605, -0.5876, -0.0728), (-0.1246, 1.1329, -0.0083), (-0.0182, -0.1006, 1.1187)]),  # BT.2020
+    BT2020: np.array([(1.6605, -0.5876, -0.0728), (-0.1246, 1.1329, -0.0083), (-0.0182, -0.1006, 1.1187)]),
     12: np.array([(1.2249, -0.2247, 0.0), (-0.0421, 1.0421, 0.0), (-0.0196, -0.0786, 1.0983)]),  # Display P3
 }  # matrices between linear colours, by the number of the primaries

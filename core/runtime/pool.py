@@ -29,7 +29,7 @@ class _Caller(threading.local):
     helps: bool = False  # the current thread belongs to a pool, so it gets none of its own
     count: int = 1  # threads of the pool
     helpers: ThreadPoolExecutor | None = None  # None: the current thread computes everything
-    at_pause: Callable[[], None] | None = None
+    at_pause: Callable[[], None] | None = None  # called at every pause
 
 
 _caller = _Caller()
@@ -45,7 +45,7 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_forget_pools)
 
 
-def at_pause(function: Callable[[], None]) -> None:
+def at_pause(function: Callable[[], None] | None) -> None:
     """Set a function for the current thread to call at every :func:`pause`, such as work that a person waits for."""
     _caller.at_pause = function
 

@@ -168,7 +168,7 @@ class Worker:
 
         modes = TorchModes.current()
         waits = entry.job.urgent and not entry.posted
-        at_pause((lambda: None) if waits else partial(self._step_urgent, modes))
+        at_pause(None if waits else partial(self._step_urgent, modes))
         with modes.applied():
             self._step(entry)
             left_on = TorchModes.current()
@@ -176,16 +176,20 @@ class Worker:
             logging.getLogger(__name__).error("the job %s is faulty: it left on %s", entry.job.name, left_on)
 
     def _step_urgent(self, modes: "TorchModes") -> None:
-        """Step urgent jobs to their first values, in a pause of another job's step."""
+        """Step urgent jobs to their first values, in a pause of another job's step, which is not charged for them."""
         from core.runtime.pool import at_pause
 
-        began = self._clock()
-        at_pause(lambda: None)  # their own steps are not paused
+        if self._urgent() is None:
+            return
+        at_pause(None)  # their own steps are not paused
         with modes.applied():
             while (entry := self._urgent()) is not None:
+                began = self._clock()
                 self._step(entry)
+                seconds = self._clock() - began
+                entry.spent += seconds / entry.job.weight
+                self._paused += seconds
         at_pause(partial(self._step_urgent, modes))
-        self._paused += self._clock() - began
 
     def _urgent(self) -> _Running | None:
         """Return an urgent job without a value, if there is one."""

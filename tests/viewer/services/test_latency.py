@@ -19,6 +19,7 @@ from core.fitting.fit import FitJob, fit
 from core.lab.benchmarks.held_out_views import DATASETS, held_out_view
 from core.models.model import Instance
 from core.runtime.threads import VARIABLE
+from tests.viewer.machine import slowness
 from viewer.services.jobs import FIT_WEIGHT, TILES_WEIGHT
 from viewer.services.worker import Job, Worker
 
@@ -75,5 +76,5 @@ def test_the_view_and_tiles_do_not_wait_for_a_fit_and_a_film(
     for name, seconds in (("view", views), ("tiles", tiles)):
         median, late = np.quantile(seconds, [0.5, 0.95])
         print(f"{name}: median {median:.3f} s, 95 % below {late:.3f} s, longest {max(seconds):.3f} s, n {len(seconds)}")
-    assert np.median(views) < 0.3
-    assert np.median(tiles) < 2.0
+    assert np.median(views) < 0.3 * slowness()
+    assert np.median(tiles) < 2.0 * slowness()
