@@ -27,8 +27,6 @@ from core.runtime.modes import usual_settings
 from core.runtime.numbers import number, whole
 from core.runtime.reading import reading
 
-__all__ = ["Instance", "Model", "Words"]
-
 _MIN_BIAS_STD = 1e-3  # of a bias that hardly differs between training objects
 _LARGEST = 1e6  # upper bound of lengths in scene units and px
 _CELLS = "occupied_cells"  # the property's name, under which its value is kept
