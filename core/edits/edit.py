@@ -79,7 +79,7 @@ class Edit:
         """Return whether a model has objects with this edit.
 
         Args:
-            extent: of the model's box.
+            extent: half the sides of the model's box, outside which nothing shows.
             directions: of its shape codes along which its objects move; 0 if codes move alone.
         """
         return True

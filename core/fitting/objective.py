@@ -59,7 +59,7 @@ class Term(NamedTuple):
     scale: Float[Tensor, "*#items"] | float = math.inf  # of Cauchy's loss; infinite: least squares
     channels: slice | None = None
     """channels of a rendered pixel (hypotheses, views, rays) of which the components are errors, with a derivative of
-    1; None: each item depends on one parameter that no other uses"""
+    1; None: each item depends on one parameter that no other item of the term uses"""
 
 
 def term_value(term: Term, residual: Float[Tensor, "hypotheses *items components"]) -> Float[Tensor, "hypotheses"]:
@@ -117,7 +117,11 @@ def camera_prior_term(pixels: PixelBatch, objective: "Objective") -> Term:
 
 def code_prior_term(pixels: PixelBatch, objective: "Objective") -> Term:
     """Return the code prior: squared lengths of both codes, in standard deviations."""
-    return Term(lambda codes, _: torch.cat((codes.shape, codes.texture), 1)[..., None], objective.code_prior)
+
+    def residual(parameters: Parameters, _: RenderedPixels) -> Tensor:
+        return torch.cat((parameters.shape, parameters.texture), 1)[..., None]
+
+    return Term(residual, objective.code_prior)
 
 
 TERMS = (photometric_term, mask_term, camera_prior_term, code_prior_term)
