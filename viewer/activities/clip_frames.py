@@ -17,12 +17,6 @@ from viewer.values.fit_history import FitRequest, PhotoSource
 KeepImage = Callable[[PhotoSource, Image.Image], PhotoSource]
 
 
-class ReadFraction(NamedTuple):
-    """The finished fraction of a video, 0..1."""
-
-    value: float
-
-
 class ClipRequest(NamedTuple):
     """A request with frames in place of a video."""
 
@@ -37,20 +31,14 @@ def is_of_clip(request: FitRequest, confirmed: Confirmed) -> bool:
     return any(is_clip(source.file) and source not in confirmed for source in unread)
 
 
-def read_frames(backend: Backend, request: FitRequest, keep_image: KeepImage) -> Iterator[ReadFraction | ClipRequest]:
-    """Yield the progress of reading a request's video, then the request of as many frames as an object keeps.
+def read_frames(backend: Backend, request: FitRequest, keep_image: KeepImage) -> Iterator[float | ClipRequest]:
+    """Yield the read fraction of a request's video, 0..1, then the request of as many frames as an object keeps.
 
     Args:
         keep_image: returns the photo of a frame, whose copy is the image.
     """
     source = request.history.sources[0]._replace(copy=None)
-    stream = backend.clip(source.path)
-    while True:
-        try:
-            yield ReadFraction(next(stream))
-        except StopIteration as done:
-            cuts = done.value
-            break
+    cuts = yield from backend.clip(source.path)
     frames = _spread(cuts.frames)
     sources = tuple(keep_image(source, frame.image) for frame in frames)
     previews = [CutOutPreview.of(frame.image, frame.cut) for frame in frames]

@@ -1,22 +1,19 @@
 """A signal to any number of receivers."""
 
 from collections.abc import Callable
-from typing import Generic, ParamSpec
-
-P = ParamSpec("P")
 
 
-class Signal(Generic[P]):
+class Signal:
     """Calls its receivers in the order of connection."""
 
     def __init__(self) -> None:
-        self._receivers: list[Callable[P, object]] = []
+        self._receivers: list[Callable[[], object]] = []
 
-    def connect(self, receiver: Callable[P, object]) -> None:
+    def connect(self, receiver: Callable[[], object]) -> None:
         """Add a receiver, which every :meth:`emit` calls."""
         self._receivers.append(receiver)
 
-    def emit(self, *args: P.args, **kwargs: P.kwargs) -> None:
-        """Call all receivers with these arguments."""
+    def emit(self) -> None:
+        """Call all receivers."""
         for receiver in self._receivers:
-            receiver(*args, **kwargs)
+            receiver()

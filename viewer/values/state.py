@@ -34,10 +34,6 @@ class Mix:
     shape: float = 0.0  # 0 (A) to 1 (B)
     texture: float = 0.0  # 0 (A) to 1 (B)
 
-    def with_amount(self, kind: str, amount: float) -> Mix:
-        """Return the mix with another amount of B in one code."""
-        return Mix(self.a, self.b, **({"shape": self.shape, "texture": self.texture} | {kind: amount}))
-
     @property
     def names(self) -> frozenset[str]:
         """Names of the mixed objects."""
