@@ -5,7 +5,6 @@ from dataclasses import replace
 from itertools import takewhile
 
 import torch
-from torch import Tensor
 
 from core.geometry.camera import Camera
 from core.models.codes import CODE_KINDS, CodeKind
@@ -15,7 +14,6 @@ from core.models.photo_detail import PhotoDetail
 from core.models.scene import Scene
 from viewer.services.signal import Signal
 from viewer.values import orbit
-from viewer.values.direction import Direction
 from viewer.values.history import History
 from viewer.values.objects import EditableObject, ObjectLibrary
 from viewer.values.project import Project
@@ -37,9 +35,9 @@ class Editor:
         mix = first_mix(self.objects, first)
         scene = Scene(self.objects[mix.a.shape].instance, orbit.home(first))
         self.history = History.of(State(scene, mix, is_a=True))
-        self.scene_changed = Signal[[]]()  # emitted after every change of the scene, also by undo
-        self.object_chosen = Signal[[]]()  # emitted afterwards if a person chose an object
-        self.resized = Signal[[]]()  # emitted afterwards if a person stretched the object
+        self.scene_changed = Signal()  # emitted after every change of the scene, also by undo
+        self.object_chosen = Signal()  # emitted afterwards if a person chose an object
+        self.resized = Signal()  # emitted afterwards if a person stretched the object
         self._generator = generator
 
     # State
@@ -62,10 +60,6 @@ class Editor:
     def is_mixable(self, name: str) -> bool:
         """Return whether an object is of the same model as the one on screen, so that they can be mixed."""
         return self.objects[name].instance.fingerprint == self.scene.instance.fingerprint
-
-    def code(self, kind: CodeKind) -> Tensor:
-        """Return the current shape or texture code."""
-        return getattr(self.scene.instance.codes, kind)
 
     def pair(self, pair: Pair) -> Instance:
         """Return a pair as left: the shape of one object and the texture of another."""
@@ -130,16 +124,6 @@ class Editor:
     def sample(self) -> None:
         """Sample shape and texture from the distribution of the trained codes."""
         self._set_codes(self.model.sample(self._generator), self.state.mix, is_a=False)
-
-    # Along a direction
-
-    def strength(self, direction: Direction) -> float:
-        """Return the object's position along a direction, in standard deviations from the mean."""
-        return direction.strength(self.scene.instance)
-
-    def move_along(self, direction: Direction, to: float) -> None:
-        """Move the object along a direction to a position in standard deviations, or to the end of its reach."""
-        self.edit(direction.moved(self.scene.instance, to))
 
     def edit(self, edited: Instance, gesture: str = "") -> None:
         """Replace the object by an edited one.
@@ -353,7 +337,7 @@ class Editor:
         for name, instance in self.history.left_by(history).items():
             self.objects.keep(name, instance)
         self.history = history
-        self.objects.unlist(history.now.removed)
+        self.objects.removed = history.now.removed
         if not history.gesture:
             self.objects.leave(history.now.version_of, history.now.scene.instance)
         if history.now.scene != previous:

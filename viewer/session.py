@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 
+from core.editing.words import Words
 from core.geometry.camera import Camera
 from core.models.library import DEFAULT_MODEL, sample_images, shipped_models
 from core.models.model import Model
@@ -15,7 +16,6 @@ from core.models.open_models import OpenModels
 from core.models.photo_detail import PhotoView
 from core.models.scene import open_scene, scene_model
 from viewer.activities.answers import Answers
-from viewer.activities.direction_words import DirectionWords
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting
@@ -24,14 +24,14 @@ from viewer.activities.painting import Painting
 from viewer.activities.recording import Recording
 from viewer.activities.reshaping import Reshaping
 from viewer.activities.segmenting import Segmenting
-from viewer.activities.sizing import Sizing
 from viewer.activities.thumbnails import Thumbnails
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.backend import Backend
-from viewer.services.jobs import Jobs
+from viewer.services.jobs import BACKGROUND_WEIGHT, Jobs
+from viewer.services.latest import Memo
 from viewer.services.messages import OK, Button, MessageKind, Messages
-from viewer.services.photo_thumbnails import PhotoThumbnails
+from viewer.services.photo_thumbnails import photo_thumbnail
 from viewer.services.worker import Job, Worker
 from viewer.store.files import read_project
 from viewer.store.pictures import Pixels
@@ -42,6 +42,11 @@ from viewer.values.objects import EditableObject
 from viewer.values.printable import printable
 from viewer.values.project import Project
 from viewer.values.view_request import ViewSettings
+
+_JOBS = (
+    *("view", "bake", "fit view", "framing", "thumbnails", "segmentation"),
+    *("paint", "paint colour", "coarse paint", "parts", "size"),
+)  # of the activities
 
 
 class Session:
@@ -69,7 +74,7 @@ class Session:
         self.messages = Messages()
         self.models = OpenModels(backend.load_model)
         self.jobs = Jobs(worker, backend, self.messages, self.models)
-        self.photo_thumbnails = PhotoThumbnails(self.jobs)
+        self.photo_thumbnails = Memo(self.jobs, "photo", photo_thumbnail)
         self.fit_options = FitOptions()
         self.project_path: Path | None = None  # file of the saved or opened project
         self.store = Store(folder, display)
@@ -80,7 +85,8 @@ class Session:
         )
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
-        self.words = DirectionWords(self.jobs)
+        measure = self.jobs.backend.direction_words  # such as *wider*, of both codes' directions
+        self.words = Memo[Model, Words](self.jobs, "words", measure, BACKGROUND_WEIGHT)
         for name in dict.fromkeys((*shipped_models(), first)):
             self.models.open(name)
         self._begin(self.models.open(first), ViewSettings())
@@ -93,12 +99,11 @@ class Session:
         self._waiting = tuple[FitRequest, ...]()  # of models that are missing
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, self._pictures)
-        self.names = Names(self.editor, self.words)
+        self.names = Names(self.editor, self.words.get)
         self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options, self.store)
         self.answers = Answers(self.fitting, self.store.copies)
         self.segmenting = Segmenting(jobs, self.fitting.fit)
-        self.sizing = Sizing(jobs, self.editor)
-        self.reshaping = Reshaping(jobs, self.editor, self.viewport, self.sizing)
+        self.reshaping = Reshaping(jobs, self.editor, self.viewport)
         self.painting = Painting(jobs, self.editor, self.viewport, self.reshaping)
         self.exporting = Exporting(jobs, self.editor, self.names)
 
@@ -139,10 +144,9 @@ class Session:
 
     def close(self) -> None:
         """Cancel all jobs of the activities."""
-        for activity in (self.viewport, self.thumbnails, self.fitting, self.segmenting, self.painting):
-            activity.close()
-        self.jobs.cancel("parts", "size")
+        self.fitting.close()
         self.exporting.cancel()
+        self.jobs.cancel(*_JOBS)
 
     # Models and their objects
 
@@ -304,7 +308,13 @@ class Session:
     def tracked_state(self) -> tuple[object, ...]:
         """The inputs of :meth:`project`; while they are identical objects, the project is the same."""
         fitting = self.fitting
-        fits = fitting.request, fitting.queue, fitting.questions, fitting.results.checking, fitting.history.photos
+        fits = (
+            fitting.request,
+            fitting.waiting.requests,
+            fitting.questions,
+            fitting.results.checking,
+            fitting.history.photos,
+        )
         named = self.editor.history, self.project_path, fitting.view.made
         return (*named, *fits, *self.editor.objects.ever_added)
 

@@ -26,7 +26,7 @@ def test_every_edit_can_be_undone_and_redone(session: Session, editor: Editor, t
         lambda: editor.show_object("object 2"),
         lambda: editor.set_b("object 4"),
         lambda: editor.mix_both(0.2, 0.3),
-        lambda: editor.move_along(Direction.principal(model.codes, "shape", 1), 2.0),
+        lambda: editor.edit(Direction.principal(model.codes, "shape", 1).moved(editor.scene.instance, 2.0)),
         lambda: editor.edit(editor.scene.instance.with_edits(Stretch, Stretch((1.0, 1.5, 1.0)))),
         lambda: editor.sample(),
         lambda: editor.reset(),
@@ -81,23 +81,23 @@ def test_shape_and_texture_slide_from_a_to_b_independently(editor: Editor) -> No
     b = editor.objects["object 2"].instance
     assert editor.scene.instance == a
     editor.mix_both(1.0, 0.0)
-    torch.testing.assert_close(editor.code("shape"), b.codes.shape)
-    assert torch.equal(editor.code("texture"), a.codes.texture)
+    torch.testing.assert_close(editor.scene.instance.codes.shape, b.codes.shape)
+    assert torch.equal(editor.scene.instance.codes.texture, a.codes.texture)
     editor.mix_both(1.0, 0.5)
-    torch.testing.assert_close(editor.code("texture"), (a.codes.texture + b.codes.texture) / 2)
-    torch.testing.assert_close(editor.code("shape"), b.codes.shape)
+    torch.testing.assert_close(editor.scene.instance.codes.texture, (a.codes.texture + b.codes.texture) / 2)
+    torch.testing.assert_close(editor.scene.instance.codes.shape, b.codes.shape)
 
 
 def test_a_mix_begins_with_the_edited_object(editor: Editor) -> None:
     editor.show_object("object 1")
-    edited = editor.code("texture") + 0.1
+    edited = editor.scene.instance.codes.texture + 0.1
     editor.edit(editor.scene.instance.changed(texture=edited))
     for amount in (0.1, 0.6, 0.0):
         editor.mix_both(amount, amount, gesture="pad")
-    assert torch.equal(editor.code("texture"), edited)
+    assert torch.equal(editor.scene.instance.codes.texture, edited)
     editor.mix_both(0.5, 0.5)
     torch.testing.assert_close(
-        editor.code("texture"), (edited + editor.objects[editor.state.mix.b].instance.codes.texture) / 2
+        editor.scene.instance.codes.texture, (edited + editor.objects[editor.state.mix.b].instance.codes.texture) / 2
     )
     editor.show_object("object 1")
     assert editor.unmixed == editor.objects["object 1"].instance
@@ -107,8 +107,8 @@ def test_another_b_replaces_the_mixed_codes(editor: Editor) -> None:
     editor.show_object("object 1")
     editor.mix_both(0.0, 1.0)
     editor.set_b("object 3")
-    torch.testing.assert_close(editor.code("texture"), editor.objects["object 3"].instance.codes.texture)
-    assert torch.equal(editor.code("shape"), editor.objects["object 1"].instance.codes.shape)
+    torch.testing.assert_close(editor.scene.instance.codes.texture, editor.objects["object 3"].instance.codes.texture)
+    assert torch.equal(editor.scene.instance.codes.shape, editor.objects["object 1"].instance.codes.shape)
 
 
 def test_a_model_of_no_objects_has_its_mean(model: Model) -> None:
@@ -137,7 +137,7 @@ def test_the_photo_s_detail_is_an_edit_and_stays_with_the_shape(editor: Editor, 
     editor.end_gesture()
     detail = editor.scene.instance.detail
     assert detail is not None and detail.strength == 0.25
-    editor.move_along(Direction.principal(model.codes, "texture", 0), 1.0)
+    editor.edit(Direction.principal(model.codes, "texture", 0).moved(editor.scene.instance, 1.0))
     assert editor.scene.instance.detail is detail
     editor.show_object("object 2")
     assert editor.scene.instance.detail is None
@@ -201,7 +201,7 @@ def test_a_mix_stays_as_a_version_of_a_when_another_object_is_shown(editor: Edit
 def test_an_object_keeps_its_edits_when_its_fit_is_improved(editor: Editor, model: Model) -> None:
     chair = replace(fitted(model), key="7")
     name = editor.add_and_show(chair, editor.scene.camera)
-    editor.edit(editor.scene.instance.changed(texture=editor.code("texture") + 1.0))
+    editor.edit(editor.scene.instance.changed(texture=editor.scene.instance.codes.texture + 1.0))
     edited = editor.scene.instance
     better = replace(
         chair, instance=chair.instance.changed(texture=chair.instance.codes.texture + 0.1), confidence=0.95
@@ -218,7 +218,7 @@ def test_an_object_keeps_its_edits_when_its_fit_is_improved(editor: Editor, mode
 @pytest.mark.parametrize("end", ("show again", "show another", "reset", "add", "undo and redo"))
 def test_an_object_keeps_the_edits_of_a_drag_that_another_choice_ends(editor: Editor, model: Model, end: str) -> None:
     name = editor.add_and_show(fitted(model), editor.scene.camera)
-    editor.edit(editor.scene.instance.changed(texture=editor.code("texture") + 1.0), gesture="paint")
+    editor.edit(editor.scene.instance.changed(texture=editor.scene.instance.codes.texture + 1.0), gesture="paint")
     edited = editor.scene.instance
     if end == "show again":
         editor.show_object(name)

@@ -29,7 +29,7 @@ class Answers:
         request = FitRequest(FitHistory(history.sources, photos, model=model), resume_from, question.number + 1)
         cut = question.cut
         preview = question.preview
-        confirmed = dict(self._fitting.confirmed)
+        confirmed = dict(self._fitting.waiting.confirmed)
         if cut and preview:
             confirmed[question.source] = lambda: (cut, preview)
         self._fitting.forget(history.sources)
@@ -38,11 +38,13 @@ class Answers:
     def try_again(self, request: FitRequest, history: FitHistory | None = None) -> None:
         """Repeat a failed fit with the photos, cut-outs and answers that it had, or with another history."""
         self._fitting.forget(request.history.sources)
-        self._fitting.begin(request._replace(history=history or request.history, problem=""), self._fitting.confirmed)
+        self._fitting.begin(
+            request._replace(history=history or request.history, problem=""), self._fitting.waiting.confirmed
+        )
 
     def needs_file(self, question: Question) -> bool:
         """Return whether a fit reads the file of the photo in question; a confirmed cut-out needs none."""
-        return question.is_unread and question.source not in self._fitting.confirmed
+        return question.is_unread and question.source not in self._fitting.waiting.confirmed
 
     def relocate(self, question: Question, path: Path) -> None:
         """Repeat a failed fit with another file for the photo in question."""

@@ -41,7 +41,7 @@ class FilmPreviews:
                 yield None
                 for index in range(_FRAMES):
                     view = views[index * len(views) // _FRAMES]
-                    for frame in self._jobs.frames(RenderJob(*view, RenderSettings(_SAMPLES, divisors=(1,)))):
+                    for frame in self._jobs.backend.frames(RenderJob(*view, RenderSettings(_SAMPLES, divisors=(1,)))):
                         if frame:
                             rendered = rendered | {film.kind: (*rendered.get(film.kind, ()), frame)}
                         yield rendered if frame else None

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
 
 from core.fitting.category_check import (
     describe_category,
@@ -21,21 +20,11 @@ from core.photos.segmentation import CutOut
 from viewer.services.backend import Backend
 from viewer.services.jobs import Jobs
 from viewer.values.cut_out_preview import CutOutPreview, has_rival, is_doubtful, pixels_on_white
-from viewer.values.fit_history import FitRequest, FittedPhoto, PhotoSource
+from viewer.values.fit_history import FitRequest, FittedPhoto, PhotoSource, Question
 
 Confirmed = Mapping[PhotoSource, Callable[[], tuple[CutOut, CutOutPreview]]]
 """Cut-outs that a person has confirmed; their photos are not read again."""
 _RESUMED_SHARE = 3  # divisor of a resumed fit's steps, as it needs no search
-
-
-class Doubt(NamedTuple):
-    """A question about the next photo, which ends the stream until a person answers."""
-
-    words: str
-    model: Model | None  # model that would fit the photo; None if the category is in doubt
-    cut: CutOut | None  # None if no object was found
-    preview: CutOutPreview
-    neither: bool = False  # the photo looks like none of the categories
 
 
 @dataclass(eq=False)
@@ -52,10 +41,11 @@ class FitOptions:
 
 def fit_stream(
     jobs: Jobs, here: Model, request: FitRequest, settings: FitSettings, confirmed: Confirmed
-) -> Iterator[Model | Doubt | CutOutPreview | FittedPhoto | FitStep | None]:
+) -> Iterator[Model | Question | CutOutPreview | FittedPhoto | FitStep | None]:
     """Yield each new photo's cut-out and photo, the model unless the request names one, then the steps.
 
-    A :class:`Doubt` ends the stream; None marks progress. ``here``, the model on screen, is for unknown categories.
+    A :class:`Question` about the next photo ends the stream; None marks progress. ``here``, the model on screen, is for
+    unknown categories.
     """
     backend = jobs.backend
     history = request.history
@@ -66,7 +56,9 @@ def fit_stream(
         try:
             cut, preview = confirmed.get(source, partial(_cut_out, backend, source))()
         except NoBackgroundError:
-            yield _not_found(source, model or here)
+            preview = CutOutPreview(pixels_on_white(read_rgba(source.file)), ())
+            words = "The object was not found: point at it"
+            yield Question(request, words, None, preview, (model or here).fingerprint)
             return
         guess = _guess(backend, cut)
         selected = model or _choose(jobs.models, here, guess)
@@ -75,7 +67,8 @@ def fit_stream(
             categories = "" if model or is_sure(guess) else _categories(jobs.models)
             neither = source.hints is None and bool(guess) and likeliest_category(guess) is None
             if words := _doubt(source, cut, warning, categories, neither):
-                yield Doubt(words, None if categories else selected, cut, preview, neither)
+                fingerprint = "" if categories else selected.fingerprint
+                yield Question(request, words, cut, preview, fingerprint, neither)
                 return
         first = first or guess
         yield preview
@@ -102,11 +95,6 @@ def _guess(backend: Backend, cut: CutOut) -> dict[str, float]:
 def _cut_out(backend: Backend, source: PhotoSource) -> tuple[CutOut, CutOutPreview]:
     cut = backend.cut_out(source.file, source.hints)
     return cut, CutOutPreview.of(read_rgba(source.file), cut)
-
-
-def _not_found(source: PhotoSource, model: Model) -> Doubt:
-    preview = CutOutPreview(pixels_on_white(read_rgba(source.file)), ())
-    return Doubt("The object was not found: point at it", model, None, preview)
 
 
 def _doubt(source: PhotoSource, cut: CutOut, warning: str, categories: str, neither: bool) -> str:

@@ -9,10 +9,10 @@ from core.fitting.fit import FitStep, Hypothesis
 from core.fitting.problem import MOST_PHOTOS
 from core.models.model import Model
 from core.photos.clip import is_clip
-from viewer.activities.clip_frames import ClipRequest, ReadFraction, is_of_clip, read_frames
+from viewer.activities.clip_frames import ClipRequest, is_of_clip, read_frames
 from viewer.activities.fit_queue import FitQueue
 from viewer.activities.fit_results import FitResults
-from viewer.activities.fit_stream import Confirmed, Doubt, FitOptions, fit_stream
+from viewer.activities.fit_stream import Confirmed, FitOptions, fit_stream
 from viewer.activities.fit_view import FitView
 from viewer.activities.photo_offers import PhotoOffers, describe
 from viewer.activities.viewport import Viewport
@@ -25,7 +25,6 @@ from viewer.values.cut_out_preview import CutOutPreview
 from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, Question, Ready, photo_sources
 from viewer.values.objects import EditableObject
 
-_NAMED = 3  # files that a message names
 _NONE: Confirmed = {}
 
 
@@ -42,7 +41,7 @@ class Fitting:
         self.results = FitResults(editor, viewport)
         self.request: FitRequest | None = None  # the running fit's
         self._offers = PhotoOffers(self, jobs.messages)
-        self._waiting = FitQueue()
+        self.waiting = FitQueue()
         self._before = self.history  # the fit shown before the last one began
         self._shown_key = ""  # of the object in the view
         editor.object_chosen.connect(self._ask_later)
@@ -62,19 +61,9 @@ class Fitting:
         return self.history if is_found and key and key == self.view.key else self.view.kept(key)
 
     @property
-    def queue(self) -> tuple[FitRequest, ...]:
-        """The requests that wait for their turn, the next first."""
-        return self._waiting.requests
-
-    @property
     def questions(self) -> tuple[Question, ...]:
         """The questions about photos: the one chosen last, then the oldest."""
-        return self._waiting.questions
-
-    @property
-    def confirmed(self) -> Confirmed:
-        """The cut-outs that a person confirmed, of photos that wait."""
-        return self._waiting.confirmed
+        return self.waiting.questions
 
     @property
     def _key(self) -> str:
@@ -85,7 +74,7 @@ class Fitting:
     @property
     def question(self) -> Question | None:
         """The question to show; None while a fit is followed."""
-        return None if self.running and self._viewport.following else self._waiting.question
+        return None if self.running and self._viewport.following else self.waiting.question
 
     @property
     def running(self) -> bool:
@@ -95,7 +84,7 @@ class Fitting:
     @property
     def pending(self) -> tuple[FitRequest, ...]:
         """Unfinished requests: the running fit, unless its preliminary result is there, questions and queue."""
-        return (*self._unfinished, *self._waiting.pending)
+        return (*self._unfinished, *self.waiting.pending)
 
     @property
     def _unfinished(self) -> tuple[FitRequest, ...]:
@@ -108,17 +97,17 @@ class Fitting:
     @property
     def unfinished(self) -> FitQueue:
         """All that a new project takes over: the running fit, which begins again, queue and questions."""
-        return replace(self._waiting, requests=(*self._unfinished, *self.queue))
+        return replace(self.waiting, requests=(*self._unfinished, *self.waiting.requests))
 
     def take_over(self, unfinished: FitQueue) -> None:
         """Continue what another project left unfinished."""
-        self._waiting = self._waiting.joined(unfinished)
+        self.waiting = self.waiting.joined(unfinished)
         self._next()
 
     def close(self) -> None:
         """Cancel the running fit, the queue and the questions."""
         self._offers.close()
-        self._waiting = FitQueue()
+        self.waiting = FitQueue()
         self._drop()
 
     def tick(self) -> None:
@@ -126,7 +115,7 @@ class Fitting:
         key = self._key
         if key != self._shown_key:
             self._shown_key = key
-            self._waiting = replace(self._waiting, chosen=None)
+            self.waiting = replace(self.waiting, chosen=None)
         if not self.running:
             self.view.show_kept(key)
 
@@ -161,7 +150,7 @@ class Fitting:
     def ask_first(self, request: FitRequest) -> None:
         """Show a request's question before the others, and in place of a followed fit."""
         self._viewport.unfollow()
-        self._waiting = self._waiting.asking_first(request)
+        self.waiting = self.waiting.asking_first(request)
 
     def fit(self, *sources: PhotoSource, model: str = "", confirmed: Confirmed = _NONE) -> None:
         """Begin or queue a fit of photos, if any, dropping questions about them.
@@ -169,7 +158,7 @@ class Fitting:
         Args:
             model: the model's fingerprint; empty chooses by the category of the first photo.
         """
-        self._waiting = self._waiting.without_questions(sources)
+        self.waiting = self.waiting.without_questions(sources)
         if sources:
             self.begin(FitRequest(FitHistory(sources, model=model)), confirmed)
 
@@ -178,7 +167,7 @@ class Fitting:
         first, *later = sources
         self.fit(first)
         requests = tuple(FitRequest(FitHistory((source,))) for source in later)
-        self._waiting = self._waiting.without_questions(tuple(later)).joined(FitQueue(requests))
+        self.waiting = self.waiting.without_questions(tuple(later)).joined(FitQueue(requests))
         if later:
             text = f"{len(sources)} photos show an object each: they are fitted one after the other"
             self._jobs.messages.notify(text, MessageKind.NOTE)
@@ -200,7 +189,7 @@ class Fitting:
             history = earlier.without_photos(*without)
             initial = None
         history = replace(history, sources=(*history.sources, *added))
-        self._waiting = self._waiting.without_questions(history.sources)
+        self.waiting = self.waiting.without_questions(history.sources)
         self.begin(FitRequest(history, initial, answered=len(history.photos)))
 
     def fit_again(self, history: FitHistory) -> None:
@@ -208,7 +197,7 @@ class Fitting:
         self.begin(FitRequest(replace(history, steps=()), answered=len(history.photos)))
 
     def _ask_later(self) -> None:
-        self._waiting = self._waiting.asking_later()
+        self.waiting = self.waiting.asking_later()
 
     def withdraw(self, sources: tuple[PhotoSource, ...]) -> None:
         """Cancel the fit of exactly these photos, waiting or running, without a result."""
@@ -250,7 +239,7 @@ class Fitting:
 
     def forget(self, sources: tuple[PhotoSource, ...]) -> None:
         """Remove the request of these photos from queue and questions."""
-        self._waiting = self._waiting.without(sources)
+        self.waiting = self.waiting.without(sources)
 
     def remove_failed(self) -> None:
         """Remove all failed fits, and offer to undo that."""
@@ -269,19 +258,19 @@ class Fitting:
     def begin(self, request: FitRequest, confirmed: Confirmed = _NONE) -> None:
         """Run a request now, or queue it."""
         unfinished = {source for waiting in self.pending for source in waiting.history.sources}
-        cuts = {source: cut for source, cut in self._waiting.confirmed.items() if source in unfinished}
+        cuts = {source: cut for source, cut in self.waiting.confirmed.items() if source in unfinished}
         cuts |= {source: confirmed[source] for source in request.history.sources if source in confirmed}
-        self._waiting = replace(self._waiting, confirmed=cuts)
+        self.waiting = replace(self.waiting, confirmed=cuts)
         if not self.running:
             self._run(request)
             return
-        self._waiting = self._waiting.joined(FitQueue((request,)))
+        self.waiting = self.waiting.joined(FitQueue((request,)))
 
     def _next(self) -> None:
         """Run the next request without following it: a person may be editing the last result."""
-        if self.queue and not self.running:
-            request, *later = self.queue
-            self._waiting = replace(self._waiting, requests=tuple(later))
+        if self.waiting.requests and not self.running:
+            request, *later = self.waiting.requests
+            self.waiting = replace(self.waiting, requests=tuple(later))
             self._run(request, follow=False)
 
     def _drop(self) -> None:
@@ -296,27 +285,27 @@ class Fitting:
         self.view.show(request.history)
         self.request = request
         if follow:
-            self._waiting = replace(self._waiting, chosen=None)
+            self.waiting = replace(self.waiting, chosen=None)
             self._viewport.follow()
         self._submit(request)
 
     def _submit(self, request: FitRequest) -> None:
         """Read the video of a request or, of photos, run the fit."""
-        if is_of_clip(request, self._waiting.confirmed):
+        if is_of_clip(request, self.waiting.confirmed):
             frames = partial(read_frames, self._jobs.backend, request, self._copies.keep)
             self._jobs.submit(Job("fit", frames, self._receive_frames, self._read, weight=FIT_WEIGHT))
             return
         settings = self.options.settings(request.refines)
-        stream = partial(fit_stream, self._jobs, self._editor.model, request, settings, self._waiting.confirmed)
+        stream = partial(fit_stream, self._jobs, self._editor.model, request, settings, self.waiting.confirmed)
         self._jobs.submit(Job("fit", stream, self._receive, self._ended, weight=FIT_WEIGHT))
 
-    def _receive_frames(self, value: ReadFraction | ClipRequest) -> None:
-        if isinstance(value, ReadFraction):
-            self.view.read_fraction = value.value
+    def _receive_frames(self, value: float | ClipRequest) -> None:
+        if not isinstance(value, ClipRequest):
+            self.view.read_fraction = value
             return
         self.request = value.request
         self.view.show(value.request.history)
-        self._waiting = replace(self._waiting, confirmed={**self._waiting.confirmed, **value.confirmed})
+        self.waiting = replace(self.waiting, confirmed={**self.waiting.confirmed, **value.confirmed})
         if value.note:
             name = value.request.history.sources[0].name
             self._jobs.messages.notify(f"{name}: {value.note}", MessageKind.NOTE)
@@ -328,10 +317,10 @@ class Fitting:
         else:
             self._submit(self.request)
 
-    def _receive(self, value: Model | Doubt | CutOutPreview | FittedPhoto | FitStep) -> None:
+    def _receive(self, value: Model | Question | CutOutPreview | FittedPhoto | FitStep) -> None:
         if isinstance(value, Model):
             self.view.history = replace(self.history, model=value.fingerprint)
-        elif isinstance(value, Doubt):
+        elif isinstance(value, Question):
             self._ask(value)
         elif isinstance(value, CutOutPreview):
             self.view.preview = value
@@ -345,14 +334,13 @@ class Fitting:
                 self._viewport.unfollow()
             self.view.add_step(value)
 
-    def _ask(self, doubt: Doubt) -> None:
-        """Turn the running request into a question, and run the next."""
+    def _ask(self, question: Question) -> None:
+        """Ask a question about the running request, and run the next."""
         (request,) = self._unfinished
         self._drop()
         self.view.show(self._before)
-        model = doubt.model.fingerprint if doubt.model else ""
-        question = Question(request, doubt.words, doubt.cut, doubt.preview, model, doubt.neither)
-        self._waiting = self._waiting.joined(FitQueue(questions=(question,)))
+        question = question._replace(request=request)  # with the photos read so far
+        self.waiting = self.waiting.joined(FitQueue(questions=(question,)))
         self._next()
 
     def _ended(self, error: Exception | None) -> None:
@@ -366,9 +354,9 @@ class Fitting:
         is_usable = self.results.checking is not None
         for request in self._unfinished:
             failed = request._replace(problem=error_text(error))
-            self._waiting = self._waiting.joined(FitQueue(questions=(Question.of_failure(failed, preview),)))
+            self.waiting = self.waiting.joined(FitQueue(questions=(Question.of_failure(failed, preview),)))
             if self._viewport.following:
-                self._waiting = replace(self._waiting, chosen=failed)
+                self.waiting = replace(self.waiting, chosen=failed)
         self._drop()
         if not is_usable:
             self.view.show(self._before)

@@ -1,14 +1,14 @@
 """Names of objects and of their versions, by what their codes and edits say. A person's own name stays."""
 
 import re
+from collections.abc import Callable
 from functools import lru_cache
 
-from core.editing.words import OPPOSITES
+from core.editing.words import OPPOSITES, Words
 from core.edits.paint import PartPaint
 from core.export.variants import is_variant
 from core.models.latents import CodeKind
-from core.models.model import Instance
-from viewer.activities.direction_words import DirectionWords
+from core.models.model import Instance, Model
 from viewer.editor import Editor
 from viewer.values.direction import Direction
 from viewer.values.naming import colour_word
@@ -25,7 +25,7 @@ _MEASURED = 1000  # pairs of objects whose words are kept
 class Names:
     """Tells versions of an object apart by what differs from the fit."""
 
-    def __init__(self, editor: Editor, words: DirectionWords) -> None:
+    def __init__(self, editor: Editor, words: Callable[[Model], Words | None]) -> None:
         self._editor = editor
         self._words = words
 
@@ -98,7 +98,7 @@ class Names:
         )
 
     def _direction_word(self, kind: CodeKind, instance: Instance, original: Instance) -> str:
-        words = (self._words.of_model(instance.model) or {}).get(kind, ())
+        words = (self._words(instance.model) or {}).get(kind, ())
         return _direction_word(instance, original, kind, words)
 
 

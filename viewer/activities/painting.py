@@ -150,13 +150,6 @@ class Painting:
         if coarse := self._coarse.of((frame, part), stream):
             view.repainted = replace(frame, image=coarse.repainted(choice.paint.colour))
 
-    def close(self) -> None:
-        """Stop painting."""
-        self._drag = None
-        self._set_due(())
-        self._measured.close()
-        self._coarse.close()
-
     def _set_due(self, choices: tuple[_Choice, ...]) -> None:
         """Set the paints that the object is about to take, in order."""
         previous = next(iter(self._due), None)

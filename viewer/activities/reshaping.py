@@ -1,4 +1,4 @@
-"""The parts of the object in the view, and drags that change it."""
+"""The parts and the size of the object in the view, and drags that change it."""
 
 import math
 from collections.abc import Callable, Hashable, Iterator
@@ -8,12 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import UInt8
 
+from core.editing.bounds import Bounds
 from core.editing.parts import Handle, PartMap
 from core.editing.pull import Pull, find_pull
 from core.editing.size import lengths, resized
 from core.edits.edit import UNIT
 from core.models.model import Instance
-from viewer.activities.sizing import Sizing
+from core.models.motion import prepare_motion
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import TILES_WEIGHT, Jobs
@@ -71,17 +72,18 @@ class Drag(NamedTuple):
 class Reshaping:
     """Finds the parts in a finished image, once, and changes the object in drags. A drag is one step of undo."""
 
-    def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport, sizing: Sizing) -> None:
+    def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
         self._jobs = jobs
         self._editor = editor
         self._viewport = viewport
-        self._sizing = sizing
         problem = "Cannot find the object's parts"
         self._parts = Latest[ViewRequest, VisibleParts](jobs, "parts", problem, weight=TILES_WEIGHT)
+        problem = "Cannot measure the object"  # but for one without a surface, which has no size
+        self._bounds = Latest[Instance, Bounds](jobs, "size", problem, urgent=True, silent=ValueError)
         self._drag: Drag | None = None
         self.pull: Pull | None = None  # of the drag of a part's handle, once its direction is known
 
-    # Parts
+    # Parts and size
 
     @property
     def parts(self) -> VisibleParts | None:
@@ -107,6 +109,18 @@ class Reshaping:
 
         return self._parts.of(request, stream)
 
+    @property
+    def bounds(self) -> Bounds | None:
+        """The object's natural bounds; None until they are measured, and for an object without a surface."""
+        instance = self._editor.scene.instance
+        natural = instance.natural.with_texture(instance.model.mean)  # which does not matter
+
+        def stream() -> Iterator[Bounds]:
+            yield self._jobs.backend.bounds(natural)
+            prepare_motion(natural)  # sliders are beside the size
+
+        return self._bounds.of(natural, stream, asks=not self._editor.history.gesture)
+
     # Drags
 
     def follow(self, gesture: str, change: Callable[[Instance, float], Instance], to: float) -> None:
@@ -126,7 +140,7 @@ class Reshaping:
 
     def resize(self, name: str, length: float) -> None:
         """Give the object a length in cm (:func:`core.editing.size.resized`) as part of a drag."""
-        natural = self._sizing.bounds
+        natural = self.bounds
         if natural is not None:
             self.follow(f"size {name}", lambda instance, to: resized(instance, natural, name, to), length)
 
@@ -138,7 +152,7 @@ class Reshaping:
         """
         request = self._viewport.request
         pixels = drag[0] * request.full, drag[1] * request.full
-        natural = self._sizing.bounds
+        natural = self.bounds
         pull = self.pull
         if pull is None and natural and math.hypot(*drag) >= _LEAST:
             instance = self._editor.scene.instance
@@ -164,7 +178,7 @@ class Reshaping:
     @property
     def is_past_end(self) -> bool:
         """True while the drag of a part's handle goes farther than the object can follow."""
-        natural = self._sizing.bounds
+        natural = self.bounds
         if self.pull is None or self._drag is None or natural is None:
             return False
         return not math.isclose(lengths(self._drag.edited, natural)[self.pull.name], self._drag.to, rel_tol=_EQUAL)

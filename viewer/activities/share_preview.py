@@ -49,7 +49,9 @@ class SharePreview:
             few = RenderSettings(FEW_SAMPLES, divisors=(1,))
             seconds = 0.0  # of this job alone: others have their turns between its steps
             began = time.perf_counter()
-            for frame in self._jobs.frames(RenderJob(views[0].instance, camera, few, shadow=settings.shows_shadow)):
+            for frame in self._jobs.backend.frames(
+                RenderJob(views[0].instance, camera, few, shadow=settings.shows_shadow)
+            ):
                 seconds += time.perf_counter() - began
                 pace = seconds / (camera.width * camera.height)
                 yield (with_dimensions(over(frame, None, camera), camera), work * pace or None) if frame else None

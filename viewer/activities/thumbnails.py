@@ -140,13 +140,11 @@ class Thumbnails:
 
         self._jobs.submit(Job("thumbnails", lambda: self._render(batch), self._keep, ended, weight=TILES_WEIGHT))
 
-    def close(self) -> None:
-        """Stop rendering."""
-        self._jobs.cancel("thumbnails")
-
     def _render(self, batch: list[tuple[_Key, Instance]]) -> Iterator[tuple[_Key, Frame] | None]:
         for key, instance in batch:
-            for frame in self._jobs.frames(RenderJob(instance, key.camera, RenderSettings(key.samples, divisors=(1,)))):
+            for frame in self._jobs.backend.frames(
+                RenderJob(instance, key.camera, RenderSettings(key.samples, divisors=(1,)))
+            ):
                 yield (key, frame) if frame else None
 
     def _keep(self, rendered: tuple[_Key, Frame]) -> None:

@@ -77,10 +77,6 @@ class Viewport:
         request = self.frame_request
         return lambda: {_picture(request): pixels_of(frame)} if frame and request else {}
 
-    def close(self) -> None:
-        """Stop rendering."""
-        self._jobs.cancel("view", "bake", "fit view", "framing")
-
     @property
     def camera(self) -> Camera:
         """The camera of the view, which may be a followed fit's."""
@@ -244,7 +240,7 @@ class Viewport:
                 self._show(frame, crop, request)
 
         ended = self._jobs.reporting("Cannot show the search")
-        frames = Job("fit view", lambda: self._jobs.frames(job), rendered, ended, urgent, TILES_WEIGHT)
+        frames = Job("fit view", lambda: self._jobs.backend.frames(job), rendered, ended, urgent, TILES_WEIGHT)
         self._jobs.submit(frames)
 
     def _show_chosen(self) -> None:
@@ -287,7 +283,7 @@ class Viewport:
 
         ended = self._jobs.reporting("Cannot render the object")
         weight = FIT_WEIGHT if urgent else SHARPENING_WEIGHT
-        self._jobs.submit(Job("view", lambda: self._jobs.frames(job), rendered, ended, urgent, weight))
+        self._jobs.submit(Job("view", lambda: self._jobs.backend.frames(job), rendered, ended, urgent, weight))
 
     def _is_coarser(self, frame: Frame, request: ViewRequest) -> bool:
         """Return whether the image on screen is a sharper one of the same view, as after a launch."""

@@ -47,7 +47,7 @@ class SlidersPanel(Panel):
         flow(f"{_RESET}  Reset")
         action_button(context, "reset", f"{_RESET}  Reset")
         draw_size(context)
-        words = context.session.words.of_model(editor.model)
+        words = context.session.words.get(editor.model)
         if words is None:
             caption(context, "Measuring what the directions change …")
             return
@@ -65,7 +65,7 @@ class SlidersPanel(Panel):
         editor = context.session.editor
         key = f"{kind} {index + 1}"
         direction = Direction.principal(editor.model.codes, kind, index)
-        value = editor.strength(direction)
+        value = direction.strength(editor.scene.instance)
         corner = imgui.get_cursor_screen_pos()
         room = imgui.get_content_region_avail()
         paint_caption(context, ends[0], corner, room.x / 2, 0.0, quiet=False)

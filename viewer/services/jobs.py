@@ -1,9 +1,8 @@
 """The services of long work: worker, backend, open models, messages."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from core.detail.progressive import Frame, RenderJob
 from core.models.open_models import OpenModels
 from viewer.services.backend import Backend
 from viewer.services.messages import Messages
@@ -25,10 +24,6 @@ class Jobs:
     backend: Backend
     messages: Messages
     models: OpenModels
-
-    def frames(self, job: RenderJob) -> Iterator[Frame | None]:
-        """Render an object, coarse to fine."""
-        return self.backend.frames(job)
 
     def submit(self, job: Job) -> None:
         """Start a job as :meth:`Worker.submit` does."""

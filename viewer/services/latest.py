@@ -1,4 +1,4 @@
-"""The value for the newest inputs, made by the worker."""
+"""Values made by the worker: the one for the newest inputs, or one for all inputs so far."""
 
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
@@ -62,3 +62,23 @@ class Latest(Generic[Inputs, Value]):
     def _ended(self, error: Exception | None) -> None:
         if error and not isinstance(error, self.silent):
             self.jobs.messages.report(self.problem, error)
+
+
+@dataclass(eq=False)
+class Memo(Generic[Inputs, Value]):
+    """Keeps a value for all inputs, each made once. An error is not reported: there is no value then."""
+
+    jobs: Jobs
+    name: str  # begin of the names of its jobs
+    make: Callable[[Inputs], Iterable[Value | None]]  # yields the value, on the worker's thread
+    weight: float = 1.0  # as its jobs
+    _values: dict[Inputs, Value | None] = field(default_factory=dict, init=False)
+
+    def get(self, inputs: Inputs) -> Value | None:
+        """Return the value for the inputs, which the worker is asked for once; None until it is made."""
+        if inputs not in self._values:
+            self._values[inputs] = None
+            keep = partial(self._values.__setitem__, inputs)
+            name = f"{self.name} {len(self._values)}"
+            self.jobs.submit(Job(name, lambda: self.make(inputs), keep, weight=self.weight))
+        return self._values[inputs]

@@ -75,7 +75,9 @@ class ObjectLibrary:
         self._trained: dict[str, EditableObject] = {}
         self._added: dict[str, EditableObject] = {}
         self._keys: dict[str, str] = {}  # names of added objects by key
-        self.removed: frozenset[str] = frozenset()  # names of unlisted added objects, which undo may list again
+        self.removed: frozenset[str] = (
+            frozenset()
+        )  # names of unlisted added objects, found by name; undo lists them again
         self._names: dict[str, dict[str, str]] = {}  # by model's fingerprint: names here by names in the model
         self.families: dict[str, dict[str, tuple[str, ...]]] = {}
         """By model's fingerprint: one object of each form with its variants, the most different forms first."""
@@ -197,10 +199,6 @@ class ObjectLibrary:
         """Keep the newest edit of an added object; nothing happens for any other object."""
         if name in self._added and self._added[name].instance != instance:
             self._added[name] = self._added[name].left_as(instance)
-
-    def unlist(self, removed: frozenset[str]) -> None:
-        """List all added objects but the removed ones; lookup by name finds these too."""
-        self.removed = removed
 
     def rename(self, name: str, to: str) -> str:
         """Rename an added object and return its new name, made unique."""

@@ -115,7 +115,7 @@ def _label(context: PanelContext, handle: Handle) -> str:
     """Return the part's name and, during a drag, the length that changes."""
     reshaping = context.session.reshaping
     name = handle.part.capitalize()
-    natural = context.session.sizing.bounds
+    natural = context.session.reshaping.bounds
     if reshaping.pull is None or natural is None:
         return f"{name}  {_DROP}" if _takes_paint(context, handle) else name
     length = lengths(context.session.editor.scene.instance, natural)[reshaping.pull.name]

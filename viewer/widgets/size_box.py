@@ -31,7 +31,7 @@ class _Grip(NamedTuple):
 
 def draw_size_box(context: PanelContext, corner: ImVec2, size: ImVec2, is_hinted: bool) -> None:
     """Draw the box over the view, if it is hinted at or the tool *size*, which has handles, too."""
-    natural = context.session.sizing.bounds
+    natural = context.session.reshaping.bounds
     if context.session.viewport.source != "scene" or natural is None:
         return
     is_tool = context.tool == "size"

@@ -19,7 +19,7 @@ _FINE = 20.0  # cm below which a length has a decimal
 def draw_size(context: PanelContext) -> None:
     """Draw the fields, a button for the box with handles, and one for the natural size."""
     editor = context.session.editor
-    bounds = context.session.sizing.bounds
+    bounds = context.session.reshaping.bounds
     instance = editor.scene.instance
     measured = lengths(instance, bounds) if bounds else {}
     portion = portion_of(instance.model)

@@ -104,7 +104,7 @@ def test_a_video_that_cannot_be_read_is_reported_and_can_be_tried_again(session:
 
 def test_a_video_waits_for_the_photo_before_it(session: Session, video: Path, photo: Path) -> None:
     session.fitting.start(photo, video)
-    assert len(session.fitting.queue) == 1
+    assert len(session.fitting.waiting.requests) == 1
     finish(session, lambda: not session.fitting.running)
     assert session.editor.objects.own[:2] == ["block (2)", "block"]
 

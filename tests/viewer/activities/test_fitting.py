@@ -244,7 +244,7 @@ def test_photos_dropped_during_a_fit_wait(session: Session, editor: Editor, phot
     fitting = session.fitting
     for path in (photo, block(photo, "b"), bad_files["text.png"], block(photo, "c")):
         fitting.start(path)
-    assert [request.history.name for request in fitting.queue] == ["block b", "block c"]
+    assert [request.history.name for request in fitting.waiting.requests] == ["block b", "block c"]
     finish(session, lambda: not fitting.running)
     assert {added.name for added in editor.objects.added} == {"block", "block b", "block c"}
     assert len(session.messages.errors) == 1
@@ -268,7 +268,7 @@ def test_stopping_a_fit_begins_the_next_one(session: Session, photo: Path) -> No
     deliver(session, lambda: len(fitting.history.steps) > 3)
     fitting.stop()
     assert fitting.history.name == "block b"
-    fitting.forget(fitting.queue[0].history.sources)
+    fitting.forget(fitting.waiting.requests[0].history.sources)
     deliver(session, lambda: len(fitting.history.steps) > 3)
     fitting.stop()
     assert not fitting.running

@@ -9,21 +9,15 @@ from core.edits.stretch import Stretch
 from core.models.codes import Entry
 from core.models.model import Model, Words
 from tests.conftest import open_models, random_model
-from viewer.activities.direction_words import DirectionWords
 from viewer.activities.names import Names
 from viewer.editor import Editor
 from viewer.values.objects import EditableObject
 from viewer.values.state import Pair
 
 
-class Worded(DirectionWords):
+def same_words(model: Model) -> Words:
     """The same words for every model."""
-
-    def __init__(self) -> None:
-        pass
-
-    def of_model(self, model: Model) -> Words:
-        return Words(shape=("wider", "taller"), texture=("redder",))
+    return Words(shape=("wider", "taller"), texture=("redder",))
 
 
 @pytest.fixture
@@ -37,7 +31,7 @@ def chairs() -> Model:
 @pytest.fixture
 def names(chairs: Model) -> Names:
     editor = Editor(open_models(chairs), chairs, torch.Generator())
-    return Names(editor, Worded())
+    return Names(editor, same_words)
 
 
 def test_objects_have_the_names_of_their_meshes(names: Names) -> None:

@@ -82,15 +82,15 @@ def test_a_colour_that_comes_after_a_reshaping_paints_the_new_shape(painted: Ses
     direction = Direction.principal(editor.model.codes, "shape", 0)
     painted.painting.paint((0.1, 0.0, 0.0))
     painted.painting.release()
-    editor.move_along(direction, 1.5)
-    reshaped = editor.code("shape")
+    editor.edit(direction.moved(editor.scene.instance, 1.5))
+    reshaped = editor.scene.instance.codes.shape
     finish(painted)
     assert colour_of(editor)[0] == 0.1
-    assert torch.equal(editor.code("shape"), reshaped)
+    assert torch.equal(editor.scene.instance.codes.shape, reshaped)
 
 
 def test_a_colour_that_comes_after_an_undo_changes_nothing(painted: Session, editor: Editor) -> None:
-    editor.move_along(Direction.principal(editor.model.codes, "shape", 0), 1.5)
+    editor.edit(Direction.principal(editor.model.codes, "shape", 0).moved(editor.scene.instance, 1.5))
     painted.painting.paint((0.1, 0.0, 0.0))
     painted.painting.release()
     editor.undo()
@@ -117,13 +117,13 @@ def test_the_colour_is_told_once_it_is_known(painted: Session, editor: Editor) -
     painting = painted.painting
     assert painting.colour is None
     finish(painted)
-    assert painting.colour == pytest.approx(editor.code("texture")[:3].clamp(0, 1).tolist())
+    assert painting.colour == pytest.approx(editor.scene.instance.codes.texture[:3].clamp(0, 1).tolist())
     editor.show_object("object 3")
     assert painting.colour is None  # there is no frame of it yet
     finish(painted)
     assert painting.colour is None  # it is being measured
     finish(painted)
-    assert painting.colour == pytest.approx(editor.code("texture")[:3].clamp(0, 1).tolist())
+    assert painting.colour == pytest.approx(editor.scene.instance.codes.texture[:3].clamp(0, 1).tolist())
 
 
 def test_a_painted_colour_stays_known_after_another_edit(painted: Session, editor: Editor) -> None:
@@ -132,7 +132,7 @@ def test_a_painted_colour_stays_known_after_another_edit(painted: Session, edito
     painting.paint((0.9, 0.0, 0.0))
     painting.release()
     finish(painted)
-    editor.move_along(Direction.principal(editor.model.codes, "shape", 0), 1.0)
+    editor.edit(Direction.principal(editor.model.codes, "shape", 0).moved(editor.scene.instance, 1.0))
     assert painting.colour == (0.9, 0.0, 0.0)
 
 

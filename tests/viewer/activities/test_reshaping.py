@@ -86,10 +86,10 @@ def test_nothing_has_parts_while_a_fit_is_followed(session: Session, searched: l
 @pytest.fixture
 def measured(session: Session) -> Bounds:
     """The natural bounds of the object on screen."""
-    assert session.sizing.bounds is None
+    assert session.reshaping.bounds is None
     finish(session)
-    assert session.sizing.bounds is not None
-    return session.sizing.bounds
+    assert session.reshaping.bounds is not None
+    return session.reshaping.bounds
 
 
 def test_a_drag_of_a_handle_is_one_step(session: Session, editor: Editor, measured: Bounds) -> None:
@@ -121,7 +121,7 @@ def test_a_drag_of_a_handle_is_one_step(session: Session, editor: Editor, measur
 def test_a_drag_back_to_its_start_leaves_no_edit(session: Session, editor: Editor) -> None:
     before = editor.scene.instance
     direction = Direction.principal(editor.model.codes, "shape", 0)
-    start = editor.strength(direction)
+    start = direction.strength(editor.scene.instance)
     for by in (0.1, 0.7, -0.3, 0.0):
         session.reshaping.follow("slider", direction.moved, start + by)
     session.reshaping.release()
@@ -163,4 +163,4 @@ def test_a_paint_that_comes_during_a_drag_does_not_end_it(session: Session, edit
     edits = editor.scene.instance.codes.edits
     session.reshaping.drag_handle(_TOP, (0.0, -0.05))
     session.reshaping.release()
-    assert editor.scene.instance.codes.edits != edits and editor.code("texture") is texture
+    assert editor.scene.instance.codes.edits != edits and editor.scene.instance.codes.texture is texture

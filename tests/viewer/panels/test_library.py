@@ -44,7 +44,7 @@ def test_forty_photos_are_fitted_one_after_the_other(drive: Drive, backend: Back
         fitting = window.session.fitting
         window.context.drop([*map(str, paths)])
         window.wait(lambda: bool(fitting.history.steps) and fitting.history.photo is not None)
-        assert len(fitting.queue) == 39
+        assert len(fitting.waiting.requests) == 39
         rows = [top(window, f"Library/**/waits block {number:02d}.png") for number in range(16)]  # in sight
         assert rows == sorted(rows)
         assert len(set(rows)) == 8  # of two columns
@@ -54,7 +54,7 @@ def test_forty_photos_are_fitted_one_after_the_other(drive: Drive, backend: Back
         window.wait(lambda: window.exists("Photo/**/###point at it"))
         assert top(window, "Photo/**/###point at it") < 800  # the photo is in sight
         fit.may_end.set()
-        window.wait(lambda: not fitting.running and not fitting.queue)
+        window.wait(lambda: not fitting.running and not fitting.waiting.requests)
         assert window.session.editor.objects.own == [path.stem for path in reversed(paths)]
         assert not fitting.pending
         assert not window.session.jobs.messages.errors
@@ -97,7 +97,7 @@ def test_photos_under_way_are_tiles_that_can_be_stopped_or_removed(drive: Drive,
         )
         window.click("Library/**/waits block two.png", 1)
         window.click("**/###remove waiting")
-        assert [request.history.name for request in fitting.queue] == ["block three"]
+        assert [request.history.name for request in fitting.waiting.requests] == ["block three"]
         window.click("Library/**/waits block.png", 1)  # it is under way
         window.click("**/###stop fit")
         window.wait(lambda: fitting.history.name == "block three" and len(fitting.history.steps) > 3)

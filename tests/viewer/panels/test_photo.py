@@ -424,7 +424,7 @@ def test_a_swatch_never_shows_the_colour_of_another_object(drive: Drive, backend
         may_measure.set()
         window.wait(lambda: window.session.painting.colour is not None)
         window.ctx.yield_(2)
-        colour = 255 * window.session.editor.code("texture")[:3].clamp(0, 1).numpy()
+        colour = 255 * window.session.editor.scene.instance.codes.texture[:3].clamp(0, 1).numpy()
         assert np.abs(swatch(window) - colour).max() < 3
 
     drive(act, replace(backend, paint_colour=slow_colour))

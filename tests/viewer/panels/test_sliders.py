@@ -27,10 +27,10 @@ def test_sliders_with_words_move_one_direction_and_are_reset(window: Driver) -> 
     low, high = direction.reach(editor.scene.instance)
     window.set("Sliders/**/##shape 1", low + 0.2)
     window.wait()
-    assert editor.strength(direction) == pytest.approx(low + 0.2, abs=1e-3)
+    assert direction.strength(editor.scene.instance) == pytest.approx(low + 0.2, abs=1e-3)
     window.set("Sliders/**/##shape 1", 9.0)
     window.wait()
-    assert editor.strength(direction) == pytest.approx(high, abs=1e-3)  # a soft stop
+    assert direction.strength(editor.scene.instance) == pytest.approx(high, abs=1e-3)  # a soft stop
     assert editor.scene.instance.codes.texture is before.scene.instance.codes.texture
     past = len(editor.history.past)
     window.drag("Sliders/**/##texture 1", 70)
@@ -48,11 +48,11 @@ def test_sliders_with_words_move_one_direction_and_are_reset(window: Driver) -> 
 @in_window()
 def test_a_size_is_typed_dragged_and_undone(window: Driver) -> None:
     editor = window.session.editor
-    sizing = window.session.sizing
+    reshaping = window.session.reshaping
     window.show("Sliders")
-    window.wait(lambda: sizing.bounds is not None)
+    window.wait(lambda: reshaping.bounds is not None)
     before = editor.state
-    natural = sizing.bounds.size
+    natural = reshaping.bounds.size
     assert natural == pytest.approx((60, 45, 90))
     for name, side in (("Width", 72.0), ("Depth", 45.0), ("Height", 99.0)):
         window.set(f"Sliders/**/##{name}", side)
@@ -72,7 +72,7 @@ def test_a_size_is_typed_dragged_and_undone(window: Driver) -> None:
 def test_a_click_on_a_size_is_for_typing(window: Driver) -> None:
     editor = window.session.editor
     window.show("Sliders")
-    window.wait(lambda: window.session.sizing.bounds is not None)
+    window.wait(lambda: window.session.reshaping.bounds is not None)
     window.click("Sliders/**/##Width")
     window.ctx.key_chars_replace("72")
     window.ctx.key_press(imgui.Key.enter)
@@ -84,7 +84,7 @@ def test_a_click_on_a_size_is_for_typing(window: Driver) -> None:
 def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
     editor = window.session.editor
     window.show("Sliders")
-    window.wait(lambda: window.session.sizing.bounds is not None)
+    window.wait(lambda: window.session.reshaping.bounds is not None)
     before = editor.state
     assert not window.exists("View/**/##size 2 1")
     window.click("Sliders/**/###size handles")
@@ -115,16 +115,16 @@ def legged(backend: Backend) -> Backend:
 @in_window("legged")
 def test_legs_are_typed_dragged_and_undone(window: Driver) -> None:
     editor = window.session.editor
-    sizing = window.session.sizing
+    reshaping = window.session.reshaping
     legs = portion_of(editor.model)
     window.show("Sliders")
-    window.wait(lambda: sizing.bounds is not None)
+    window.wait(lambda: reshaping.bounds is not None)
     before = editor.state
 
     def lengths() -> tuple[float, float]:
         """The legs and the height in cm."""
         codes = editor.scene.instance.codes
-        bounds = sizing.bounds.after(codes.edits_of("size"))
+        bounds = reshaping.bounds.after(codes.edits_of("size"))
         return bounds.length(legs), bounds.size[2]
 
     assert lengths() == pytest.approx((36, 90))
@@ -152,7 +152,7 @@ def test_legs_are_typed_dragged_and_undone(window: Driver) -> None:
 def test_the_seats_line_is_dragged_with_the_mouse(window: Driver) -> None:
     editor = window.session.editor
     window.show("Sliders")
-    window.wait(lambda: window.session.sizing.bounds is not None)
+    window.wait(lambda: window.session.reshaping.bounds is not None)
     window.set("Sliders/**/##Width", 65.0)  # with the first edit, the history covers a part of the view
     window.ctx.yield_(2)
     before = editor.state
@@ -177,14 +177,14 @@ def test_the_seats_line_is_dragged_with_the_mouse(window: Driver) -> None:
 @in_window()
 def test_an_object_without_parts_has_no_field_for_legs(window: Driver) -> None:
     window.show("Sliders")
-    window.wait(lambda: window.session.sizing.bounds is not None)
+    window.wait(lambda: window.session.reshaping.bounds is not None)
     assert window.exists("Sliders/**/##Height") and not window.exists("Sliders/**/##Legs")
 
 
 @in_window("legged", bounds=lambda instance: Bounds((-0.2, -0.15, -0.3), (0.2, 0.15, 0.3), 150.0))
 def test_an_object_whose_legs_have_no_end_has_no_field_for_them(window: Driver) -> None:
     window.show("Sliders")
-    window.wait(lambda: window.session.sizing.bounds is not None)
+    window.wait(lambda: window.session.reshaping.bounds is not None)
     window.click("Sliders/**/###size handles")
     window.ctx.yield_(2)
     assert window.exists("View/**/##size 2 1") and not window.exists("View/**/##size legs")

@@ -62,7 +62,9 @@ class Person:
 
     def edit(self) -> None:
         editor = self._session.editor
-        editor.edit(editor.scene.instance.changed(texture=editor.code("texture") + self._numbers.gauss(0, 1)))
+        editor.edit(
+            editor.scene.instance.changed(texture=editor.scene.instance.codes.texture + self._numbers.gauss(0, 1))
+        )
 
     def undo(self) -> None:
         self._session.editor.undo()
@@ -72,7 +74,9 @@ class Person:
         self._session.editor.show_object(self._numbers.choice([*objects.own, "object 2", "car 3"]))
 
     def add(self) -> None:
-        instance = self._session.editor.scene.instance.changed(texture=self._session.editor.code("texture") + 0.5)
+        instance = self._session.editor.scene.instance.changed(
+            texture=self._session.editor.scene.instance.codes.texture + 0.5
+        )
         self._session.editor.objects.add(EditableObject("made", instance, self._numbers.random() < 0.8, 0.5))
 
     def remove(self) -> None:

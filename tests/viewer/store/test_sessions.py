@@ -116,7 +116,7 @@ def test_a_fit_under_way_and_those_that_wait_go_on(launch: Launch, backend: Back
     photo.unlink()
     second.unlink()
     session = launch()
-    assert session.fitting.running and len(session.fitting.queue) == 1
+    assert session.fitting.running and len(session.fitting.waiting.requests) == 1
     finish(session, lambda: not session.fitting.pending)
     assert session.messages.errors == []
     assert session.editor.objects.own == ["block other", "block"]

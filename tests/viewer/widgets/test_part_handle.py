@@ -134,7 +134,7 @@ def test_a_click_on_the_name_opens_the_colours_of_its_part(drive: Drive, backend
         _click_name(window)
         window.click("$FOCUSED/###swatch 3")
         window.wait()
-        assert torch.equal(editor.code("shape"), before.codes.shape)
+        assert torch.equal(editor.scene.instance.codes.shape, before.codes.shape)
         assert editor.scene.instance.codes.of_kind(PartPaint) != before.codes.of_kind(PartPaint)
 
     drive(act, replace(backend, load_model=lambda name: headed, part_map=two_parts))

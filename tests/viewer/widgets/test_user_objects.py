@@ -165,7 +165,7 @@ def test_random_codes_and_mixes_of_an_object_are_no_version_of_it(window: Driver
     fitted = editor.scene.instance
     edits = (
         lambda: editor.sample(),
-        lambda: editor.edit(editor.scene.instance.changed(texture=editor.code("texture") + 0.1)),
+        lambda: editor.edit(editor.scene.instance.changed(texture=editor.scene.instance.codes.texture + 0.1)),
         lambda: editor.mix_both(0.5, 0.5),
     )
     for edit in edits:
