@@ -27,8 +27,12 @@ def turntable(instance: Instance, camera: Camera, frames: int = TURN) -> list[Vi
 
 
 def swing(instance: Instance, camera: Camera, frames: int = SWING) -> list[View]:
-    """Return the views of a swing by 70 degrees to both sides of the camera, slow at either end; a loop has no seam."""
-    return [View(instance, _turned(camera, _SWING_ANGLE * math.sin(phase))) for phase in _phases(frames)]
+    """Return the views of a swing by 70 degrees to both sides of the camera, slow at either end; a loop has no seam.
+
+    The way back has the views of the way there, the very same ones.
+    """
+    sines = [round(math.sin(phase), 9) for phase in _phases(frames)]
+    return [View(instance, _turned(camera, _SWING_ANGLE * sine)) for sine in sines]
 
 
 def morph(first: Instance, second: Instance, camera: Camera, frames: int = TURN) -> list[View]:

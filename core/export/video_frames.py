@@ -1,10 +1,13 @@
 """The frames of a video, or a single image: rasterised by OpenGL from baked objects, or rendered by the network.
 
 An object is baked once, with its colours for a few of the video's cameras; other frames combine these colours. The
-network renders few or small frames of an object, as in a morph, because baking would take longer.
+network renders few or small frames of an object, as in a morph, because baking would take longer. A view that comes
+again, as on the way back of a swing, is rendered once.
 """
 
-from collections.abc import Iterator, Sequence
+import zlib
+from collections import Counter
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby, pairwise
 
@@ -42,6 +45,30 @@ def render_frames(
         exact: render every frame with the network.
         shadow: include the object's shadow on the ground.
     """
+    frames = _distinct_frames(list(dict.fromkeys(views)), background, exact, shadow)
+    repeats = Counter(views)
+    kept = dict[View, tuple[tuple[int, ...], bytes]]()  # shapes and pixels, compressed, of views that come again
+    for view in views:
+        if view in kept:
+            shape, pixels = kept.pop(view)
+            image = np.frombuffer(zlib.decompress(pixels), np.uint8).reshape(shape)
+        else:
+            image = yield from _next_image(frames)
+        repeats[view] -= 1
+        if repeats[view]:
+            kept[view] = image.shape, zlib.compress(image.tobytes(), 1)
+        yield image
+
+
+def _next_image(frames: Iterator[Image | None]) -> Generator[None, None, Image]:
+    while (image := next(frames)) is None:
+        yield None
+    return image
+
+
+def _distinct_frames(
+    views: Sequence[View], background: Background | None, exact: bool, shadow: bool
+) -> Iterator[Image | None]:
     for shots in _by_model(views):
         if exact:
             yield from exact_frames(shots, background, shadow)
@@ -74,6 +101,7 @@ def few_samples(views: Sequence[View]) -> int:
 def rendered_pixels(views: Sequence[View], exact: bool = False) -> float:
     """Estimate the work of :func:`render_frames` as pixels that the network renders, with :data:`FEW_SAMPLES`."""
     pixels = 0.0
+    views = list(dict.fromkeys(views))
     for shots in _by_model(views):
         if exact:
             pixels += count_pixels(shots) * RenderSettings.samples / FEW_SAMPLES

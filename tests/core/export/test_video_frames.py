@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from core.export import video_frames
-from core.export.films import View, turntable
-from core.export.video_frames import baked_frames, exact_frames, supersampling
+from core.export.films import View, swing, turntable
+from core.export.video_frames import baked_frames, exact_frames, render_frames, rendered_pixels, supersampling
 from core.metrics import psnr, psnr_from_mse
 from core.models.model import Model
 from tests.core.tiny import tiny_model
@@ -75,3 +75,21 @@ def test_without_opengl_frames_are_exact(monkeypatch: pytest.MonkeyPatch) -> Non
 @pytest.mark.parametrize(("size", "rays"), [(64, 4), (256, 2), (512, 1), (1080, 1)])
 def test_small_frames_have_several_rays_in_a_pixel(size: int, rays: int) -> None:
     assert supersampling(tiny_model().camera(0.3, 0.4).resized(2 * size, size)) == rays
+
+
+def test_the_way_back_of_a_swing_is_rendered_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = tiny_model()
+    views = swing(model[0], model.camera(0.3, 0.4).resized(SIZE, SIZE), 12)
+    rendered = list[View]()
+
+    def counted(views, *others, **named):
+        rendered.extend(views)
+        return exact_frames(views, *others, **named)
+
+    monkeypatch.setattr(video_frames, "exact_frames", counted)
+    frames = images(render_frames(views, None, exact=True))
+    assert len(frames) == 12
+    assert len(rendered) == len(set(views)) == 7
+    for view, frame in zip(views, frames, strict=True):
+        assert np.array_equal(frame, *images(exact_frames([view], None)))
+    assert rendered_pixels(views) == rendered_pixels(rendered)
