@@ -28,10 +28,11 @@ class FitView:
         self._viewport = viewport
         self._models = models
         self._load = load
+        self._loading: dict[str, Future[FitHistory]] = {}  # by key of the object
         self.history = FitHistory()
         self.key = ""  # key of the object of the last finished fit that was shown
         self.made: Mapping[str, FitHistory] = {}  # fits of this run, by key of the object, the oldest first
-        self._read: dict[str, Future[FitHistory]] = {}  # fits of earlier runs, likewise; empty ones if there is none
+        self._read: dict[str, FitHistory] = {}  # fits of earlier runs, likewise; empty ones of objects without a fit
         self.preview: CutOutPreview | None = None  # cut-out of the photo that was read last
         self.read_fraction: float | None = None  # finished fraction of a video that is being read, 0..1
         self.from_runner_up = False  # the runner-up's camera is shown
@@ -45,8 +46,7 @@ class FitView:
 
     def kept(self, key: str) -> FitHistory:
         """Return an object's fit; an empty one if that is not known, or not read yet."""
-        reading = self._read.get(key)
-        return self.made.get(key) or (reading.result() if reading and reading.done() else FitHistory())
+        return self.made.get(key) or self._read.get(key) or FitHistory()
 
     def keep(self, key: str) -> None:
         """Keep the shown fit as that of an object."""
@@ -64,8 +64,14 @@ class FitView:
         if key == self.key or not key:
             return
         if key not in self.made and key not in self._read:
-            self._read = dict([*self._read.items()][1 - _MAX_KEPT :])
-            self._read[key] = self._load(key)
+            if key not in self._loading:
+                self._loading[key] = self._load(key)
+            if not (loading := self._loading[key]).done():
+                return
+            del self._loading[key]
+            self._read[key] = loading.result()
+            while len(self._read) > _MAX_KEPT:
+                del self._read[next(iter(self._read))]
         if (fit := self.kept(key).converted(self._models.adopt)).sources:
             self.key = key
             self.show(fit)
