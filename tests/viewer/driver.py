@@ -39,8 +39,10 @@ def in_window(
             backend = replace(request.getfixturevalue(fixture), **stand_ins)
             drive(lambda window: act(window, **fixtures), backend, size, strict)
 
-        own, arguments = (list(signature(function).parameters.values()) for function in (test, act))
-        test.__signature__ = Signature([*own[:2], *arguments[1:]])  # by which pytest finds the fixtures
+        wrapper_parameters, act_parameters = (list(signature(function).parameters.values()) for function in (test, act))
+        test.__signature__ = Signature(
+            [*wrapper_parameters[:2], *act_parameters[1:]]
+        )  # by which pytest finds the fixtures
         test.__name__ = act.__name__
         test.__doc__ = act.__doc__
         test.__module__ = act.__module__
@@ -72,6 +74,17 @@ def deliver(session: Session, until: Callable[[], bool], longest: float = 60.0) 
 def finish(session: Session, until: Callable[[], bool] = lambda: True, longest: float = 60.0) -> None:
     """Deliver until nothing is under way and ``until`` holds."""
     deliver(session, lambda: not session.jobs.busy() and until(), longest)
+
+
+def fit(session: Session, *photos: Path) -> None:
+    """Fit photos as one object, and deliver until no fit runs."""
+    session.fitting.start(*photos)
+    finish(session, lambda: not session.fitting.running)
+
+
+def press(session: Session, label: str) -> None:
+    """Press a button of the newest message."""
+    next(button for button in session.messages.newest.buttons if button.label == label).press()
 
 
 def keep(session: Session) -> None:

@@ -1,6 +1,7 @@
 """Stand-ins for the streams that take seconds: renders, photos and fits that are made at once."""
 
 import math
+import shutil
 import threading
 import time
 from collections.abc import Generator, Iterator, Sequence
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from PIL import Image
 
 from core.detail.progressive import Frame, RenderJob, RenderSettings
 from core.editing.paint import Paint
@@ -49,6 +51,25 @@ def two_models() -> dict[str, Model]:
     return {"chairs": chairs, "cars": replace(cars, category="cars", codes=replace(cars.codes, objects=named))}
 
 
+def block(photo: Path, name: str) -> Path:
+    """Return a copy of a photo, called *block* and a name."""
+    return Path(shutil.copy(photo, photo.with_name(f"block {name}.png")))
+
+
+def blue_block(photo: Path) -> Path:
+    """Return a copy of a photo with red and blue exchanged: a car, as the guess of the fixture ``both`` has it."""
+    path = photo.with_name("block blue.png")
+    with Image.open(photo) as image:
+        red, green, blue = image.split()
+        Image.merge("RGB", (blue, green, red)).save(path)
+    return path
+
+
+def codes_key(instance: Instance) -> tuple[str, bytes, bytes]:
+    """Return an object's model, shape and texture, to compare and to send to another process."""
+    return instance.fingerprint, instance.codes.shape.numpy().tobytes(), instance.codes.texture.numpy().tobytes()
+
+
 def quick_frames(job: RenderJob) -> Iterator[Frame | None]:
     """A disc whose colour follows the texture, its size the shape and the distance, its place the camera's angles."""
     instance = job.instance
@@ -58,10 +79,10 @@ def quick_frames(job: RenderJob) -> Iterator[Frame | None]:
         width = max(1, camera.width // divisor)
         height = max(1, camera.height // divisor)
         y, x = np.mgrid[0:height, 0:width] / min(width, height)
-        across = width / height / 2 + 0.2 * math.sin(camera.azimuth)
-        down = 0.5 + 0.2 * math.sin(camera.elevation)
+        middle_x = width / height / 2 + 0.2 * math.sin(camera.azimuth)
+        middle_y = 0.5 + 0.2 * math.sin(camera.elevation)
         radius = (0.3 + 0.05 * math.tanh(float(instance.codes.shape.sum()))) / camera.distance
-        opacity = (np.hypot(x - across, y - down) < radius).astype(np.float32)
+        opacity = (np.hypot(x - middle_x, y - middle_y) < radius).astype(np.float32)
         colour = np.array([0.5 + 0.5 * math.tanh(value) for value in (instance.codes.texture.tolist() * 3)[:3]])
         colour = np.array([paint.colour for paint in instance.codes.of_kind(PartPaint)] or [colour])[-1]
         image = (255 * (1 - opacity[..., None] * (1 - colour))).astype(np.uint8)
@@ -242,8 +263,8 @@ def two_parts(instance: Instance, camera: Camera, frame: Frame, box: Box, is_out
     regions = np.full(frame.opacity.shape, -1)
     regions[rows, columns] = columns > columns.mean()
     handles = []
-    for index, part in enumerate(("seat", "back")):
+    for index, part_name in enumerate(("seat", "back")):
         rows, columns = (regions == index).nonzero()
-        place = (columns.mean() + 0.5) / regions.shape[1], (rows.mean() + 0.5) / regions.shape[0]
-        handles.append(Handle(part, place, (0.0, 0.0, 0.3), is_outer))
+        middle = (columns.mean() + 0.5) / regions.shape[1], (rows.mean() + 0.5) / regions.shape[0]
+        handles.append(Handle(part_name, middle, (0.0, 0.0, 0.3), is_outer))
     return PartMap(tuple(handles), regions)

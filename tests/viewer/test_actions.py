@@ -11,10 +11,10 @@ from viewer.actions import ACTIONS, TABLE, Action, chord, chords
 
 def markdown_table() -> str:
     lines = ["| where | keys and mouse | |", "|---|---|---|"]
-    for place, rows in TABLE.items():
+    for panel, rows in TABLE.items():
         for number, row in enumerate(rows):
             keys = f"`{'`, `'.join(row.keys.split(', '))}`" if isinstance(row, Action) and row.keys else row.words
-            lines.append(f"| {'' if number else f'**{place}**'} | {keys} | {row.tooltip} |")
+            lines.append(f"| {'' if number else f'**{panel}**'} | {keys} | {row.tooltip} |")
     return "\n".join(lines) + "\n"
 
 

@@ -3,15 +3,15 @@ import os
 import shutil
 import sys
 import textwrap
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from imgui_bundle import hello_imgui, imgui
-from PIL import Image
 
 from tests.viewer.driver import Drive, Driver, in_window
-from tests.viewer.stand_ins import endless_fit, small_video
+from tests.viewer.stand_ins import blue_block, endless_fit, small_video
 from viewer import app
 from viewer.panels import all_panels
 from viewer.screen.window import resize
@@ -33,12 +33,12 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
         window.menu("View/###dark")
         window.menu("View/###larger_text")
         window.press(imgui.Key.mod_ctrl, imgui.Key.equal)
-        before = hello_imgui.em_size()
+        large = hello_imgui.em_size()
         window.press(imgui.Key.mod_ctrl, imgui.Key.minus)
-        assert hello_imgui.em_size() < before
-        kept.append(window.context.preferences)
+        assert hello_imgui.em_size() < large
+        saved.append(window.context.preferences)
         window.ctx.yield_(2)
-        assert Preferences.load(folder) == kept[0]
+        assert Preferences.load(folder) == saved[0]
         window.menu("Panels/###reset_layout")
         window.ctx.yield_(5)
         window.drag("View/orbit", 30)
@@ -46,10 +46,10 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
 
     def second(window: Driver) -> None:
         assert window.app._front_panel() == "Photo"
-        assert window.context.preferences == replace(kept[0], front="Photo")
-        assert not (kept[0].dark or kept[0].newcomer)
+        assert window.context.preferences == replace(saved[0], front="Photo")
+        assert not (saved[0].dark or saved[0].newcomer)
 
-    kept: list[Preferences] = []
+    saved: list[Preferences] = []
     drive(first, folder=folder)
     assert (folder / "window.ini").is_file()
     drive(second, folder=folder)
@@ -62,44 +62,22 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
     drive(third, folder=folder, size=(900, 600))
 
 
-def test_a_session_goes_on_at_the_next_launch(drive: Drive, photo: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("end", ["killed", "quit"])
+def test_a_session_goes_on_at_the_next_launch(drive: Drive, both: Backend, photo: Path, tmp_path: Path, end: str):
     folder = tmp_path / "config"
+    killed = tmp_path / "killed"
+    made = list[History]()
 
     def first(window: Driver) -> None:
-        editor = window.session.editor
-        window.fit(photo)
+        window.click("Library/**/show car 3")
         window.drag("View/orbit", 80)
-        made.append(editor.history)
-
-    def second(window: Driver) -> None:
-        session = window.session
-        editor = window.session.editor
-        assert window.session.messages.errors == []
-        assert editor.history == made[0]
-        window.wait(lambda: session.fitting.history.photo is not None)
-        window.undo()
-        assert editor.state == made[0].past[-1]
-        window.menu("File/###new_project")
-        assert not window.session.editor.history.past
-        assert window.session.editor.objects.own[0] == "block"
-        window.menu("File/Recent/###earlier 1")
-        assert window.session.editor.history.past == made[0].past[:-1]
-
-    made: list[History] = []
-    drive(first, folder=folder)
-    drive(second, folder=folder)
-
-
-def test_a_session_that_ended_badly_in_a_fit_goes_on(drive: Drive, backend: Backend, photo: Path, tmp_path: Path):
-    folder = tmp_path / "config"
-
-    def first(window: Driver) -> None:
-        window.click("Library/**/show object 3")
+        made.append(window.session.editor.history)
         window.context.drop([str(photo)])
         window.wait(lambda: len(window.session.fitting.history.steps) > 3)
         window.wait(lambda: window.session.recording.is_up_to_date)
         shutil.copytree(folder, killed)
-        made.append(window.session.editor.history)
+        if end == "quit":
+            window.press(imgui.Key.mod_ctrl, imgui.Key.q)
 
     def second(window: Driver) -> None:
         window.wait(lambda: not window.session.fitting.running)
@@ -112,35 +90,18 @@ def test_a_session_that_ended_badly_in_a_fit_goes_on(drive: Drive, backend: Back
         assert editor.state.mix.a.shape == "block"
         window.undo()
         assert editor.history.now == made[0].now
+        window.undo()
+        assert editor.state == made[0].past[-1]
+        window.menu("File/###new_project")
+        assert not window.session.editor.history.past
+        assert window.session.editor.objects.own[0] == "block"
+        window.menu("File/Recent/###earlier 1")
+        assert window.session.editor.state == made[0].past[-1]
 
-    made = list[History]()
-    killed = tmp_path / "killed"
-    drive(first, replace(backend, fit=endless_fit), folder=folder)
-    drive(second, folder=killed)
-
-
-def test_ending_the_program_in_a_fit_loses_nothing(drive: Drive, both: Backend, photo: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "config"
-
-    def first(window: Driver) -> None:
-        window.click("Library/**/show car 3")
-        made.append(window.session.editor.history)
-        window.context.drop([str(photo)])
-        window.wait(lambda: len(window.session.fitting.history.steps) > 3)
-        window.press(imgui.Key.mod_ctrl, imgui.Key.q)
-
-    def second(window: Driver) -> None:
-        window.wait(lambda: not window.session.fitting.running)
-        window.wait()
-        editor = window.session.editor
-        assert window.session.messages.errors == []
-        assert editor.history == made[0]
-        assert editor.objects.own[0] == "block"
-
-    made: list[History] = []
-    with pytest.raises(RuntimeError, match="exited before"):  # as the toolkit says where a test ends the program
+    says_quit = pytest.raises(RuntimeError, match="exited before")  # as the toolkit says where a test ends the program
+    with says_quit if end == "quit" else nullcontext():
         drive(first, replace(both, fit=endless_fit), folder=folder)
-    drive(second, both, folder=folder)
+    drive(second, both, folder=killed if end == "killed" else folder)
 
 
 def test_the_panel_of_the_readme_works(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -153,12 +114,12 @@ def test_the_panel_of_the_readme_works(drive: Drive, monkeypatch: pytest.MonkeyP
 
     def act(window: Driver) -> None:
         editor = window.session.editor
-        before = editor.scene.camera
+        camera = editor.scene.camera
         window.show("Place")
         window.click("Place/###other side")
-        assert editor.scene.camera == orbit.turned(before, math.pi, 0.0)
+        assert editor.scene.camera == orbit.turned(camera, math.pi, 0.0)
         window.click("View/###undo")
-        assert editor.scene.camera == before
+        assert editor.scene.camera == camera
 
     drive(act)
 
@@ -225,9 +186,9 @@ def test_the_layout_at_first_comes_back_by_a_reset(drive: Drive) -> None:
         assert corner("Library").x < corner("View").x < corner("Mix").x
         hidden = {name for name in first if window.ctx.window_info(f"//{name}").window.dock_node.is_hidden_tab_bar()}
         assert hidden == {"View", "Library"}  # which say themselves what they are
-        for shown in (True, False):
+        for is_shown in (True, False):
             window.menu("Panels/Developer")
-            assert ("Developer" in seen(window)) == shown
+            assert ("Developer" in seen(window)) == is_shown
         window.menu("Panels/###fold_panels")
         assert seen(window) == {"View"}
         window.menu("Panels/###fold_panels")
@@ -271,15 +232,6 @@ def too_wide() -> dict[str, float]:
     return {name: px for name, px in excess.items() if px}
 
 
-@in_window(size=(900, 600))
-def test_nothing_is_cut_off_at_the_right_where_the_window_is_small_and_texts_are_large(window: Driver) -> None:
-    window.context.set_preference(text=2.0)
-    window.wait()
-    for panel in window.app.panels:
-        window.show(panel.title)
-        assert not too_wide()
-
-
 def look(window: Driver) -> None:
     """Fail if anything is cut off."""
     window.ctx.yield_(5)  # a window that fits itself to its content takes a few frames
@@ -293,11 +245,11 @@ def test_the_wheel_scrolls_the_strip_and_tab_leaves_the_view(window: Driver, tmp
         editor.objects.add(EditableObject(f"made {number}", editor.scene.instance))
     window.ctx.yield_(3)
     tile = "//Library/**/show made 9"
-    before = window.ctx.item_info(tile).rect_full.min.x
+    left = window.ctx.item_info(tile).rect_full.min.x
     window.ctx.mouse_move(tile)
     window.ctx.mouse_wheel_y(-1.0)
     window.ctx.yield_(3)
-    assert window.ctx.item_info(tile).rect_full.min.x < before
+    assert window.ctx.item_info(tile).rect_full.min.x < left
     window.show("Mix")
     window.ctx.mouse_move("//View/orbit")
     window.press(imgui.Key.tab)
@@ -311,9 +263,13 @@ def test_the_wheel_scrolls_the_strip_and_tab_leaves_the_view(window: Driver, tmp
 
 
 @in_window(size=(900, 600), fit=endless_fit)
-def test_no_panel_of_a_fit_is_cut_off_where_the_window_is_small_and_texts_are_large(window: Driver, photo: Path):
+def test_no_panel_is_cut_off_where_the_window_is_small_and_texts_are_large(window: Driver, photo: Path) -> None:
     session = window.session
     window.context.set_preference(text=2.0)
+    window.wait()
+    for panel in window.app.panels:
+        window.show(panel.title)
+        look(window)
     window.context.drop([str(photo)])
     window.wait(lambda: session.viewport.source == "fit")
     window.press(imgui.Key.r)  # another object: the fit is not followed any more
@@ -376,10 +332,10 @@ def test_a_chord_that_is_let_go_within_a_slow_frame_is_no_letter(window: Driver)
 def test_letters_typed_while_a_dialog_is_open_change_no_object(window: Driver) -> None:
     editor = window.session.editor
     key = imgui.Key
-    before = editor.history
+    history = editor.history
     window.press(key.mod_ctrl, key.e)
     window.press(key.r)
-    assert editor.history is before
+    assert editor.history is history
     window.show("Photo")  # as a dropped photo does
     window.press(key.f1)
     assert window.context.help_open
@@ -388,19 +344,14 @@ def test_letters_typed_while_a_dialog_is_open_change_no_object(window: Driver) -
     window.press(key.escape)
     assert not window.context.share_open
     window.press(key.r)
-    assert editor.history is not before
+    assert editor.history is not history
 
 
 def test_a_car_beside_a_chair_fitted_edited_undone_shared(drive: Drive, both: Backend, photo: Path, tmp_path: Path):
-    blue = photo.with_name("block blue.png")
-    with Image.open(photo) as image:
-        red, green, blue_channel = image.split()
-        Image.merge("RGB", (blue_channel, green, red)).save(blue)  # a car, as the guess of ``both`` has it
-
     def act(window: Driver) -> None:
         session = window.session
         editor = window.session.editor
-        window.fit(blue)
+        window.fit(blue_block(photo))
         window.fit(photo)
         assert editor.objects.own == ["block", "block blue"]
         for name, category in (("block blue", "cars"), ("block", "chairs")):

@@ -53,5 +53,5 @@ def test_every_asset_is_in_the_bundle(monkeypatch: pytest.MonkeyPatch) -> None:
     spec = _ROOT / "viewer" / "bundle.spec"
     steps = {"Analysis": Analysis, "PYZ": step, "EXE": step, "COLLECT": step}
     exec(compile(spec.read_text(), spec, "exec"), {"SPECPATH": str(spec.parent), **steps})
-    places = {Path(folder) / Path(file).name for file, folder in bundled}
-    assert [file for file in _FILES if file not in places] == []
+    bundled_files = {Path(folder) / Path(file).name for file, folder in bundled}
+    assert [file for file in _FILES if file not in bundled_files] == []

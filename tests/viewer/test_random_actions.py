@@ -17,9 +17,9 @@ from imgui_bundle import ImVec2, imgui
 from PIL import Image
 
 from core.fitting.fit import FitJob, FitStep
-from core.models.model import Instance, Model
+from core.models.model import Model
 from tests.viewer.driver import Drive, Driver
-from tests.viewer.stand_ins import detailed_fit, two_models
+from tests.viewer.stand_ins import codes_key, detailed_fit, two_models
 from viewer.services.backend import Backend
 from viewer.services.messages import MessageKind
 from viewer.store import store
@@ -50,21 +50,21 @@ class Made:
         self.log = list[str]()  # actions
         self.objects = set[Key]()
         self.shown = set[Key]()
-        self._trained = {key(model[index]) for model in two_models().values() for index in model.codes.valid}
+        self._trained = {codes_key(model[index]) for model in two_models().values() for index in model.codes.valid}
         self._newest: tuple[set[Key], set[Key]] = set(), set()
-        self._there = dict[Key, str]()  # descriptions of what the window has
-        self._traces = dict[Key, list[str]]()
+        self._descriptions = dict[Key, str]()
 
     def observe(self, window: Driver) -> None:
         """Take note of all objects and states; call after each action."""
         editor = window.session.editor
         if editor.history.gesture:
             return
-        objects = {key(added.original): f"object {added.name}" for added in editor.objects.ever_added}
+        objects = {codes_key(added.original): f"object {added.name}" for added in editor.objects.ever_added}
         states = {
-            key(state.scene.instance): f"state of {state.mix.a.words}" for state, _ in editor.history.steps.values()
+            codes_key(state.scene.instance): f"state of {state.mix.a.words}"
+            for state, _ in editor.history.steps.values()
         }
-        self._follow(states | objects)
+        self._descriptions |= {name: f"{text} at {len(self.log)}" for name, text in (states | objects).items()}
         self._newest[0].update(objects.keys() - self._trained)
         self._newest[1].update(states.keys() - self._trained)
         if window.session.recording.is_up_to_date:
@@ -72,8 +72,6 @@ class Made:
 
     def keep(self) -> None:
         """All that was observed is saved."""
-        newest = (self._newest[0] - self.objects) | (self._newest[1] - self.shown)
-        self._trace(newest, "saved")
         self.objects |= self._newest[0]
         self.shown |= self._newest[1]
         self._newest = set(), set()
@@ -93,34 +91,15 @@ class Made:
         session = window.session
         read = [session.store.session(earlier.number, session.editor.state) for earlier in session.store.earlier]
         projects = [project.adopted(session.models) for project in read]
-        kept = [item for project in projects for item in project.objects] + list(window.session.editor.objects.added)
+        stored = [item for project in projects for item in project.objects] + list(window.session.editor.objects.added)
         states = [state for project in projects for state, _ in project.history.steps.values()]
-        lost = self.objects - {key(item.original) for item in kept}
-        lost |= self.shown - {key(state.scene.instance) for state in states}
-        assert not lost, self.story(lost)
+        lost = self.objects - {codes_key(item.original) for item in stored}
+        lost |= self.shown - {codes_key(state.scene.instance) for state in states}
+        assert not lost, ([self._descriptions[name] for name in lost], [*enumerate(self.log, 1)])
 
     def forget_newest(self) -> None:
         """Leave out what was observed since the last save: the window was killed."""
         self._newest = set(), set()
-
-    def story(self, keys: set[Key]) -> str:
-        """When each of these objects and states came and went, and all actions."""
-        traces = [f"{name[0]}: " + ", ".join(self._traces[name]) for name in keys]
-        return "\n".join((*traces, *(f"{number} {action}" for number, action in enumerate(self.log, 1))))
-
-    def _follow(self, descriptions: dict[Key, str]) -> None:
-        for name in descriptions.keys() - self._there.keys():
-            self._trace({name}, f"there as {descriptions[name]}")
-        self._trace(self._there.keys() - descriptions.keys(), "gone")
-        self._there = descriptions
-
-    def _trace(self, keys: set[Key], event: str) -> None:
-        for name in keys:
-            self._traces.setdefault(name, []).append(f"{event} at {len(self.log)} {self.log[-1]}")
-
-
-def key(instance: Instance) -> Key:
-    return instance.fingerprint, instance.codes.shape.numpy().tobytes(), instance.codes.texture.numpy().tobytes()
 
 
 class Person:
@@ -164,10 +143,10 @@ class Person:
 
     def _click(self, name: str, button: int = 0) -> bool:
         """Click where a widget is, if it is there; something else may have taken its place, as for a person."""
-        if place := self._place(name):
-            self.window.ctx.mouse_move_to_pos(place)
+        if middle := self._place(name):
+            self.window.ctx.mouse_move_to_pos(middle)
             self.window.ctx.mouse_click(button)
-        return place is not None
+        return middle is not None
 
     def _place(self, name: str) -> ImVec2 | None:
         """The middle of what is seen of a widget, if it is there."""
@@ -175,12 +154,12 @@ class Person:
         info = self.window.ctx.item_info(f"//{name}", quiet)
         return info.rect_clipped.get_center() if info.id_ else None
 
-    def _drag(self, place: ImVec2 | None) -> None:
+    def _drag(self, start: ImVec2 | None) -> None:
         """Drag from a place by a random amount."""
-        if place is not None:
-            self.window.ctx.mouse_move_to_pos(place)
+        if start is not None:
+            self.window.ctx.mouse_move_to_pos(start)
             self.window.ctx.mouse_down(0)
-            self.window.ctx.mouse_move_to_pos(place + ImVec2(self._amount(), self._amount()))
+            self.window.ctx.mouse_move_to_pos(start + ImVec2(self._amount(), self._amount()))
             self.window.ctx.mouse_up(0)
 
     def _choose(self, name: str, item: str) -> None:

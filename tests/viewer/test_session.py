@@ -5,14 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from PIL import Image
 
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Instance, Model
 from core.models.scene import Scene, save_image
 from tests.conftest import open_models, random_model
-from tests.viewer.driver import finish
-from tests.viewer.stand_ins import quick_fit
+from tests.viewer.driver import finish, fit
+from tests.viewer.stand_ins import blue_block, quick_fit
 from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.worker import Worker
@@ -32,9 +31,7 @@ def test_a_model_opens_with_its_first_object_rendered(session: Session, editor: 
     assert session.messages.all == []
 
 
-def test_a_model_without_a_view_bank_gets_it_in_steps_before_its_first_photo(
-    worker: Worker, backend: Backend, photo: Path
-):
+def test_a_view_bank_is_built_in_steps_before_the_first_photo(worker: Worker, backend: Backend, photo: Path):
     order = list[str]()
 
     def view_bank(model: Model) -> Iterator[float]:
@@ -42,16 +39,15 @@ def test_a_model_without_a_view_bank_gets_it_in_steps_before_its_first_photo(
             order.append("built")
             yield step / 3
 
-    def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+    def noted_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         order.append("fitted")
         yield from quick_fit(model, job)
 
-    session = Session(worker, replace(backend, view_bank=view_bank, fit=fit))
+    session = Session(worker, replace(backend, view_bank=view_bank, fit=noted_fit))
     session.start()
     finish(session)
     assert not order
-    session.fitting.start(photo)
-    finish(session, lambda: not session.fitting.running)
+    fit(session, photo)
     assert order == ["built"] * 3 + ["fitted"]
 
 
@@ -73,12 +69,12 @@ def test_a_project_that_cannot_be_opened_changes_nothing(session: Session, edito
     assert session.messages.errors[-1].startswith("Cannot save the project")
     session.save_project(tmp_path / "a.codenerf")
     (tmp_path / "torn.codenerf").write_bytes((tmp_path / "a.codenerf").read_bytes()[:500])
-    before = editor.history
+    history = editor.history
     for name in ("torn", "missing"):
         session.messages.all.clear()
         session.open_project(tmp_path / f"{name}.codenerf")
         finish(session)
-        assert session.editor.history is before, name
+        assert session.editor.history is history, name
         assert len(session.messages.errors) == 1, name
     assert session.project_path == tmp_path / "a.codenerf"
 
@@ -92,12 +88,12 @@ def test_scenes_that_cannot_be_opened_change_nothing(session: Session, editor: E
     (tmp_path / "camera.json").write_text(json.dumps(fields | {"camera": fields["camera"] | {"distance": -1}}))
     (tmp_path / "list.json").write_text("[1, 2]")
     (tmp_path / "binary.json").write_bytes(bytes(range(256)))
-    before = editor.history
+    history = editor.history
     for name in ("other", "short", "nan", "camera", "list", "binary", "missing"):
         session.messages.all.clear()
         session.open_scene(tmp_path / f"{name}.json")
         finish(session)
-        assert editor.history is before, name
+        assert editor.history is history, name
         assert len(session.messages.errors) == 1, name
 
 
@@ -106,12 +102,8 @@ def test_photos_are_fitted_with_the_models_of_their_categories_in_turn(worker: W
     editor = session.editor
     cars, chairs = session.models
     session.fitting.start(photo)
-    session.fitting.start(blue := blue_block(photo))
-    finish(session, lambda: not session.fitting.pending)
-    assert {added.name: added.instance.model for added in editor.objects.added} == {
-        "block": chairs,
-        "block blue": cars,
-    }
+    fit(session, blue := blue_block(photo))
+    assert {added.name: added.instance.model for added in editor.objects.added} == {"block": chairs, "block blue": cars}
     assert editor.model is chairs  # the second was not followed
     editor.show_object("block blue")
     assert session.fitting.shown.model == cars.fingerprint
@@ -127,8 +119,7 @@ def test_photos_are_fitted_with_the_models_of_their_categories_in_turn(worker: W
 def test_a_person_may_fit_a_photo_as_another_category(worker: Worker, both: Backend, photo: Path) -> None:
     session = Session(worker, both, seed=0)
     cars, chairs = session.models
-    session.fitting.start(photo)
-    finish(session, lambda: not session.fitting.pending)
+    fit(session, photo)
     session.fitting.refit(cars)
     finish(session, lambda: not session.fitting.pending)
     assert [added.instance.model for added in session.editor.objects.added] == [chairs, cars]
@@ -141,13 +132,13 @@ def test_a_person_may_fit_a_photo_as_another_category(worker: Worker, both: Back
 
 def test_a_model_file_joins_the_library(session: Session, editor: Editor, model: Model, tmp_path: Path) -> None:
     stools = replace(random_model(7), category="stools")
-    before = editor.history
+    history = editor.history
     session.jobs.backend = replace(session.jobs.backend, load_model=lambda name: stools)
     (tmp_path / "stools.safetensors").touch()
     session.open_model(str(tmp_path / "stools.safetensors"))
     finish(session)
     assert editor.model is stools and editor.scene.instance == stools[0]
-    assert editor.history.past == (before.now,)
+    assert editor.history.past == (history.now,)
     editor.undo()
     assert editor.model is model
     session.save_project(tmp_path / "a.codenerf")
@@ -163,11 +154,11 @@ def test_a_model_that_cannot_be_opened_changes_nothing(session: Session, editor:
     def missing(name: str) -> Model:
         raise ValueError(f"no model called {name!r}")
 
-    before = editor.history
+    history = editor.history
     session.jobs.backend = replace(session.jobs.backend, load_model=missing)
     session.open_model("tables")
     finish(session)
-    assert editor.history is before
+    assert editor.history is history
     assert session.messages.errors == ["Cannot open the model: no model called 'tables'"]
 
 
@@ -184,23 +175,13 @@ def test_a_scene_of_any_open_model_opens(worker: Worker, both: Backend, tmp_path
         assert session.editor.scene == scene
 
 
-def blue_block(photo: Path) -> Path:
-    """The photo of a car, as the guess of the fixture ``both`` has it."""
-    path = photo.with_name("block blue.png")
-    with Image.open(photo) as image:
-        red, green, blue = image.split()
-        Image.merge("RGB", (blue, green, red)).save(path)
-    return path
-
-
 def by_name(model: Model, **models: Model) -> Callable[[str], Model]:
     return lambda name: models.get(Path(name).stem, model)
 
 
 def test_a_photo_of_nothing_known_is_fitted_once_a_person_says_so(session: Session, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: {"cars": 0.1, "chairs": 0.05})
-    session.fitting.start(photo)
-    finish(session)
+    fit(session, photo)
     (question,) = session.fitting.questions
     assert question.words == "This does not look like a chair"
     assert session.editor.objects.own == []
@@ -231,7 +212,7 @@ def test_edits_and_branches_of_a_missing_model_wait_for_one_that_extends_it(
     worker: Worker, backend: Backend, model: Model, tmp_path: Path
 ) -> None:
     stools = replace(random_model(9), category="stools")
-    after = replace(random_model(11), extends=(stools.fingerprint,), category="stools")
+    extension = replace(random_model(11), extends=(stools.fingerprint,), category="stools")
     files: dict[str, Model] = {"chairs": model, "stools": stools}
     backend = replace(backend, load_model=lambda name: files.get(name, model))
     session = Session(worker, backend, seed=0, folder=tmp_path)
@@ -246,31 +227,29 @@ def test_edits_and_branches_of_a_missing_model_wait_for_one_that_extends_it(
     for number in (editor.history.current, *steps):
         editor.go_to(number)
         assert editor.history == made  # neither step can be shown
-    kept = editor.objects["stool"]
-    assert kept.instance == made.steps[steps[1]].state.scene.instance and kept.original == stools[1]
+    stool = editor.objects["stool"]
+    assert stool.instance == made.steps[steps[1]].state.scene.instance and stool.original == stools[1]
     session.save_project(tmp_path / "b.codenerf")
 
-    session.models.add("after", after)
+    session.models.add("after", extension)
     session.tick()
     for number in steps:
         editor.go_to(number)
-        assert editor.scene.instance == Instance(after, made.steps[number].state.scene.instance.codes)
+        assert editor.scene.instance == Instance(extension, made.steps[number].state.scene.instance.codes)
         assert editor.objects["stool"].instance == editor.scene.instance
-    assert [instance.fingerprint for instance in editor.objects["stool"].ends] == [after.fingerprint] * 2
+    assert [instance.fingerprint for instance in editor.objects["stool"].ends] == [extension.fingerprint] * 2
     editor.reset()
-    assert editor.scene.instance == Instance(after, stools.codes[1])
+    assert editor.scene.instance == Instance(extension, stools.codes[1])
 
     files["stools"] = stools
     session = Session(worker, backend, seed=0)
     session.models.open("stools")
     session.open_project(tmp_path / "b.codenerf")
     assert session.editor.history == made
-    assert session.editor.objects["stool"].instance == kept.instance
+    assert session.editor.objects["stool"].instance == stool.instance
 
 
-def test_objects_keep_their_order_over_launches_and_models(
-    worker: Worker, backend: Backend, model: Model, tmp_path: Path
-) -> None:
+def test_objects_keep_their_order_over_launches(worker: Worker, backend: Backend, model: Model, tmp_path: Path) -> None:
     stools = replace(random_model(9), category="stools")
     files: dict[str, Model] = {"chairs": model, "stools": stools}
     backend = replace(backend, load_model=lambda name: files.get(Path(name).stem, model))
@@ -302,7 +281,7 @@ def test_objects_keep_their_order_over_launches_and_models(
     session.models.add("stools", stools)
     session.tick()
     assert session.editor.objects.own == order
-    assert not session.editor.is_missing("renamed")
+    assert not session.editor.objects.is_missing("renamed")
 
 
 def test_edits_of_a_missing_model_here_and_in_a_project_are_both_kept(
@@ -338,13 +317,13 @@ def test_without_any_state_that_can_be_shown_work_goes_on_after_them(model: Mode
     saved = Project(editor.history, editor.objects.ever_added)
 
     editor = Editor(open_models(model), model, torch.Generator())
-    before = editor.scene
+    scene = editor.scene
     editor.restore(saved)
-    assert editor.scene == before and editor.objects.own == []
+    assert editor.scene == scene and editor.objects.own == []
     assert editor.history.past == saved.history.states
     editor.undo()
     editor.redo()
-    assert editor.scene == before
+    assert editor.scene == scene
     editor.models.add("stools", stools)
     editor.add_model(stools)
     editor.undo()
@@ -355,11 +334,10 @@ def test_without_any_state_that_can_be_shown_work_goes_on_after_them(model: Mode
 def test_fits_of_a_missing_model_wait_for_it(worker: Worker, both: Backend, photo: Path, tmp_path: Path) -> None:
     cars = both.load_model("cars")
     session = Session(worker, both, seed=0)
-    session.fitting.start(blue_block(photo))
-    finish(session, lambda: not session.fitting.pending)
+    fit(session, blue_block(photo))
     made = session.project()
-    (fit,) = made.fits.values()
-    waiting = FitRequest(FitHistory(fit.sources, fit.photos, model=cars.fingerprint))
+    (finished,) = made.fits.values()
+    waiting = FitRequest(FitHistory(finished.sources, finished.photos, model=cars.fingerprint))
     Store().save(replace(made, pending=(waiting,), model_files={}), tmp_path / "a.codenerf")
 
     def chairs(name: str) -> Model:
@@ -370,12 +348,14 @@ def test_fits_of_a_missing_model_wait_for_it(worker: Worker, both: Backend, phot
     finish(without)
     assert without.messages.errors == [] and not without.fitting.pending
     again = without.project()
-    assert len(again.pending) == 1 and [len(kept.steps) for kept in again.fits.values()] == [len(fit.steps)]
-    assert without.editor.is_missing("block blue")
+    assert len(again.pending) == 1 and [len(stored_fit.steps) for stored_fit in again.fits.values()] == [
+        len(finished.steps)
+    ]
+    assert without.editor.objects.is_missing("block blue")
 
     without.jobs.backend = both
     without.open_model("cars")
     finish(without, lambda: not without.fitting.pending)
     assert without.editor.objects.own == ["block blue (2)", "block blue"]
-    assert not without.editor.is_missing("block blue") and without.messages.errors == []
+    assert not without.editor.objects.is_missing("block blue") and without.messages.errors == []
     assert not without.project().pending

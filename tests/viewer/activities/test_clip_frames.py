@@ -9,7 +9,7 @@ from PIL import Image
 
 from core.photos.clip_object import ClipCuts, FrameCut
 from core.photos.segmentation import cut_out
-from tests.viewer.driver import deliver, finish
+from tests.viewer.driver import deliver, finish, fit
 from tests.viewer.stand_ins import endless_fit
 from viewer.services.messages import MessageKind
 from viewer.session import Session
@@ -47,8 +47,7 @@ def video(session: Session) -> Path:
 
 
 def test_spread_frames_of_a_video_are_fitted_as_photos_of_one_object(session: Session, video: Path) -> None:
-    session.fitting.start(video)
-    finish(session, lambda: not session.fitting.running)
+    fit(session, video)
     history = session.fitting.history
     assert session.editor.objects.own[0] == "block"
     lefts = [int(fitted.preview.pixels.min((0, 2)).argmin()) for fitted in history.photos if fitted.preview]
@@ -60,8 +59,7 @@ def test_spread_frames_of_a_video_are_fitted_as_photos_of_one_object(session: Se
 
 
 def test_a_fit_of_a_video_is_repeated_without_reading_it_again(session: Session, video: Path) -> None:
-    session.fitting.start(video)
-    finish(session, lambda: not session.fitting.running)
+    fit(session, video)
     session.jobs.backend = replace(session.jobs.backend, clip=broken_clip)
     session.fitting.refit()
     finish(session, lambda: not session.fitting.running)
@@ -92,8 +90,7 @@ def test_reading_a_video_is_stopped(session: Session, video: Path) -> None:
 
 def test_a_video_that_cannot_be_read_is_reported_and_can_be_tried_again(session: Session, video: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, clip=broken_clip)
-    session.fitting.start(video)
-    finish(session, lambda: not session.fitting.running)
+    fit(session, video)
     assert session.messages.errors == ["Cannot fit this image: block.mp4: there is sound, but no video"]
     (question,) = session.fitting.questions
     session.jobs.backend = replace(session.jobs.backend, clip=six_frames)

@@ -27,8 +27,8 @@ def test_a_failed_fit_is_asked_once_it_is_chosen(queue: FitQueue) -> None:
 def test_questions_set_aside_are_asked_once_they_are_chosen(queue: FitQueue) -> None:
     later = queue.asking_later()
     assert later.question is None and later.questions == queue.questions
-    chosen = later.asking_first(queue.questions[1].request)
-    assert chosen.question is chosen.questions[0] is queue.questions[1]
+    reopened = later.asking_first(queue.questions[1].request)
+    assert reopened.question is reopened.questions[0] is queue.questions[1]
 
 
 def test_requests_are_removed_by_identity_and_questions_by_path(queue: FitQueue) -> None:

@@ -1,4 +1,3 @@
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -8,23 +7,19 @@ import pytest
 
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
-from core.photos.photo import Photo, read_cut_out
-from core.photos.plain_background import NoBackgroundError
-from core.photos.segmentation import CutOut, Hints
-from tests.viewer.driver import deliver, finish
-from tests.viewer.stand_ins import CheckedFit, broken_fit, crowded, doubted, endless_fit, quick_fit, quick_photo
+from core.photos.photo import Photo
+from core.photos.segmentation import CutOut
+from tests.viewer.driver import deliver, finish, fit, press
+from tests.viewer.stand_ins import CheckedFit, block, broken_fit, endless_fit, quick_fit, quick_photo
 from viewer.editor import Editor
-from viewer.services.backend import Backend
 from viewer.services.messages import MessageKind
-from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.fit_history import PhotoSource
 
 
 def test_a_fit_joins_the_objects_and_becomes_current(session: Session, editor: Editor, model: Model, photo: Path):
-    before = editor.state
-    session.fitting.start(photo)
-    finish(session, lambda: not session.fitting.running)
+    initial_state = editor.state
+    fit(session, photo)
     assert editor.scene.instance == model[3]
     assert editor.scene.camera.azimuth == pytest.approx(1.0)
     assert editor.scene.camera.width == model.image_size
@@ -38,16 +33,14 @@ def test_a_fit_joins_the_objects_and_becomes_current(session: Session, editor: E
     assert session.fitting.view.camera == editor.scene.camera
     assert session.fitting.history.progress == 1.0
     editor.undo()
-    assert editor.state == before
+    assert editor.state == initial_state
     assert "block" in editor.objects.own
 
 
 def test_a_stopped_fit_keeps_its_newest_step(session: Session, editor: Editor, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
     session.fitting.start(photo)
-    finish_when = lambda: len(session.fitting.history.steps) > 4  # noqa: E731
-    while not finish_when():
-        session.jobs.worker.deliver()
+    deliver(session, lambda: len(session.fitting.history.steps) > 4)
     assert session.fitting.running
     session.fitting.stop()
     finish(session)
@@ -59,12 +52,12 @@ def test_a_stopped_fit_keeps_its_newest_step(session: Session, editor: Editor, p
 
 def test_the_view_follows_a_fit_until_a_person_changes_the_scene(session: Session, editor: Editor, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
-    before = session.viewport.frame
+    scene_frame = session.viewport.frame
     session.viewport.change(panel=(300, 200))
     session.fitting.start(photo)
     deliver(session, lambda: session.viewport.source == "fit")
     assert session.viewport.following
-    assert session.viewport.frame is not before
+    assert session.viewport.frame is not scene_frame
     assert session.viewport.frame.resolution[0] > session.viewport.frame.resolution[1]
     session.viewport.pan_by(0.1, 0.0)
     assert session.viewport.following
@@ -78,14 +71,18 @@ def test_the_view_follows_a_fit_until_a_person_changes_the_scene(session: Sessio
     assert not session.viewport.following
 
 
-def test_a_fit_that_fails_changes_nothing(session: Session, editor: Editor, photo: Path) -> None:
-    session.jobs.backend = replace(session.jobs.backend, fit=broken_fit)
-    before = editor.history
+@pytest.mark.parametrize("resumes", [True, False])
+def test_a_fit_that_fails_changes_nothing(session: Session, editor: Editor, photo: Path, resumes: bool) -> None:
+    fit(session, photo)
+    history = editor.history
     names = editor.objects.own
-    session.fitting.start(photo)
+    finished = session.fitting.history
+    session.jobs.backend = replace(session.jobs.backend, fit=broken_fit)
+    session.fitting.resume() if resumes else session.fitting.start(photo)
     finish(session, lambda: not session.fitting.running)
-    assert editor.history is before
+    assert editor.history is history
     assert editor.objects.own == names
+    assert session.fitting.history is finished
     assert session.messages.errors == ["Cannot fit this image: the loss is not finite"]
 
 
@@ -94,56 +91,36 @@ def test_a_fit_is_begun_again_and_resumed(session: Session, photo: Path) -> None
     fitting.resume()
     fitting.view.show_photo(1)
     assert not fitting.running
-    fitting.start(photo)
-    finish(session, lambda: not fitting.running)
+    fit(session, photo)
     fitting.refit()
     finish(session, lambda: not fitting.running)
     assert len(fitting.history.steps) == 10
-    kept = fitting.history.steps
+    steps = fitting.history.steps
     fitting.resume()
     finish(session, lambda: not fitting.running)
-    assert fitting.history.steps[:10] == kept and len(fitting.history.steps) == 20
+    assert fitting.history.steps[:10] == steps and len(fitting.history.steps) == 20
     seconds = [step.seconds for step in fitting.history.steps]
     assert seconds == sorted(seconds)
-    assert fitting.history.last.cameras == kept[-1].cameras
+    assert fitting.history.last.cameras == steps[-1].cameras
 
 
-def test_a_failed_resume_keeps_the_former_fit(session: Session, photo: Path) -> None:
-    session.fitting.start(photo)
-    finish(session)
-    history = session.fitting.history
-
-    def failing(model: Model, job: FitJob) -> Iterator[FitStep]:
-        raise ValueError("the fit diverged from every start")
-        yield
-
-    session.jobs.backend = replace(session.jobs.backend, fit=failing)
-    session.fitting.resume()
-    finish(session, lambda: not session.fitting.running)
-    assert session.fitting.history is history
-    assert session.messages.errors == ["Cannot fit this image: the fit diverged from every start"]
-
-
-def test_files_that_are_no_images_are_reported_and_change_nothing(
+def test_files_without_an_image_change_nothing(
     session: Session, editor: Editor, photo: Path, bad_files: dict[str, Path]
 ) -> None:
-    session.fitting.start(photo)
-    finish(session, lambda: not session.fitting.running)
-    before = editor.history
+    fit(session, photo)
+    undo_history = editor.history
     history = session.fitting.history
     for path in bad_files.values():
         session.messages.all.clear()
-        session.fitting.start(path)
-        finish(session, lambda: not session.fitting.running)
-        assert editor.history is before
+        fit(session, path)
+        assert editor.history is undo_history
         assert session.fitting.history is history
         assert session.messages.newest.kind is MessageKind.PROBLEM, path.name
         assert "Traceback" not in session.messages.errors[0]
 
 
 def test_a_photo_chosen_for_a_fit_is_not_added_to_another(session: Session, photo: Path) -> None:
-    session.fitting.start(photo)
-    finish(session, lambda: not session.fitting.running)
+    fit(session, photo)
     first = session.fitting.history
     session.fitting.start(photo)
     session.fitting.add_photo(first, photo)
@@ -152,12 +129,6 @@ def test_a_photo_chosen_for_a_fit_is_not_added_to_another(session: Session, phot
     session.editor.show_object("block (3)")
     session.tick()
     assert len(session.fitting.shown.sources) == 2
-
-
-def press(session: Session, label: str) -> None:
-    """Press a button of the newest message."""
-    button = next(button for button in session.messages.newest.buttons if button.label == label)
-    button.press()
 
 
 def test_dropped_photos_can_become_an_object_each_or_join_the_shown_object(session: Session, photo: Path) -> None:
@@ -181,8 +152,7 @@ def test_photos_join_and_leave_an_object_without_a_search(session: Session, phot
         return (replace(step, left_out=(1,) if len(jobs) == 1 else ()) for step in quick_fit(model, job))
 
     session.jobs.backend = replace(session.jobs.backend, fit=noting)
-    fitting.start(block(photo, "a"), block(photo, "b"))
-    finish(session, lambda: not fitting.pending)
+    fit(session, block(photo, "a"), block(photo, "b"))
     fitting.add_photo(fitting.history, block(photo, "c"))
     finish(session, lambda: not fitting.pending)
     fitting.refine(fitting.history, without=(0,))
@@ -206,18 +176,6 @@ def test_all_files_that_are_no_photos_are_one_message(session: Session, photo: P
     assert len(session.fitting.pending) == 1 and session.messages.newest.kind is MessageKind.PROBLEM
 
 
-def test_failed_fits_are_removed_together_and_come_back_by_undo(session: Session, photo: Path) -> None:
-    fitting = session.fitting
-    session.jobs.backend = replace(session.jobs.backend, fit=broken_fit)
-    fitting.fit_each(tuple(PhotoSource(block(photo, name)) for name in "ab"))
-    finish(session, lambda: not fitting.running)
-    assert [question.is_failed for question in fitting.questions] == [True, True]
-    fitting.remove_failed()
-    assert fitting.pending == ()
-    press(session, "Undo")
-    assert [question.source.name for question in fitting.questions] == ["block a.png", "block b.png"]
-
-
 def test_a_photo_that_was_left_out_can_be_fitted_by_itself(session: Session, photo: Path) -> None:
     def leaving_out(model: Model, job: FitJob) -> Iterator[FitStep]:
         steps = quick_fit(model, job)
@@ -225,19 +183,11 @@ def test_a_photo_that_was_left_out_can_be_fitted_by_itself(session: Session, pho
 
     fitting = session.fitting
     session.jobs.backend = replace(session.jobs.backend, fit=leaving_out)
-    fitting.start(block(photo, "a"), block(photo, "b"))
-    finish(session, lambda: not fitting.pending)
+    fit(session, block(photo, "a"), block(photo, "b"))
     assert session.messages.newest.text == "Left out, as another object: block b.png"
     press(session, "Fit by itself")
     finish(session, lambda: not fitting.pending)
     assert [source.path.stem for source in fitting.history.sources] == ["block b"]
-
-
-def block(photo: Path, name: str) -> Path:
-    """Another photo."""
-    copy = photo.with_name(f"block {name}.png")
-    copy.write_bytes(photo.read_bytes())
-    return copy
 
 
 def test_photos_dropped_during_a_fit_wait(session: Session, editor: Editor, photo: Path, bad_files: dict[str, Path]):
@@ -274,147 +224,10 @@ def test_stopping_a_fit_begins_the_next_one(session: Session, photo: Path) -> No
     assert not fitting.running
 
 
-def test_a_doubtful_cut_out_waits_for_one_answer_while_the_next_photo_is_fitted(session: Session, photo: Path) -> None:
-    session.jobs.backend = replace(session.jobs.backend, cut_out=doubted)
-    fitting = session.fitting
-    before = session.editor.history
-    second = block(photo, "b")
-    fitting.start(photo)
-    finish(session)
-    assert not fitting.running
-    assert session.editor.history is before
-    session.jobs.backend = replace(session.jobs.backend, cut_out=read_cut_out)
-    fitting.start(second)
-    finish(session, lambda: not fitting.running)
-    assert session.editor.objects.own == ["block b"]
-    (question,) = fitting.questions
-    assert question.words.startswith("Is the whole object outlined")
-    assert [request.history.name for request in fitting.pending] == ["block"]
-    edge = question.preview.pixels[:, 48]  # the block is from row 20 to row 80
-    assert (edge[20] != (200, 30, 30)).any() and (edge[50] == (200, 30, 30)).all()
-
-    def unread(path: Path, hints: Hints | None) -> CutOut:
-        raise AssertionError("it was cut out already")
-
-    session.jobs.backend = replace(session.jobs.backend, cut_out=unread)
-    session.answers.answer(question)
-    finish(session, lambda: not fitting.pending)
-    assert session.editor.objects.own == ["block", "block b"]
-    assert session.messages.errors == []
-
-
-def test_the_category_follows_the_detector_where_the_mask_is_doubtful(worker: Worker, both: Backend, photo: Path):
-    session = Session(worker, replace(both, cut_out=doubted), seed=0)
-    chairs = session.models.of_category("chairs")
-    cars = session.models.of_category("cars")
-    session.fitting.start(photo)  # which a look at its colours takes for a chair
-    finish(session)
-    (question,) = session.fitting.questions
-    assert question.model == cars.fingerprint
-    session.answers.answer(question, chairs.fingerprint)
-    finish(session, lambda: not session.fitting.pending)
-    assert session.editor.model is chairs
-    assert session.editor.objects.own == ["block"]
-
-
-def test_one_of_several_prominent_objects_is_chosen_by_its_number(session: Session, photo: Path) -> None:
-    session.jobs.backend = replace(session.jobs.backend, cut_out=crowded)
-    fitting = session.fitting
-    hints = list[Hints | None]()
-    fitting.start(photo)
-    finish(session)
-    (question,) = fitting.questions
-    assert question.words.startswith("Which one?")
-    assert question.preview.boxes == ((0.0, 0.2, 0.5, 0.8), (0.5, 0.2, 1.0, 0.8))
-
-    def noted(path: Path, photo_hints: Hints | None) -> CutOut:
-        hints.append(photo_hints)
-        return crowded(path, photo_hints)
-
-    session.jobs.backend = replace(session.jobs.backend, cut_out=noted)
-    session.answers.choose(question.request.history.sources, 0, 1)
-    finish(session, lambda: not fitting.pending)
-    assert hints == [Hints(object=1)]
-    assert session.editor.objects.own == ["block"]
-
-
-def test_a_question_is_saved_and_asked_again(session: Session, photo: Path, tmp_path: Path) -> None:
-    session.jobs.backend = replace(session.jobs.backend, cut_out=doubted)
-    session.fitting.start(photo)
-    finish(session)
-    session.save_project(tmp_path / "a.codenerf")
-    session.fitting.forget(session.fitting.pending[0].history.sources)
-    assert not session.fitting.pending
-    session.open_project(tmp_path / "a.codenerf")
-    finish(session)
-    (question,) = session.fitting.questions
-    session.segmenting.open(question.request.history.sources, 0)
-    finish(session, lambda: session.segmenting.settled)
-    assert session.fitting.questions  # until the object is pointed out
-    session.segmenting.fit()
-    assert not session.fitting.questions
-    finish(session, lambda: not session.fitting.pending)
-    assert session.editor.objects.own == ["block"]
-
-
-def test_a_failed_fit_is_saved_and_repeated_on_request_alone(session: Session, photo: Path, tmp_path: Path):
-    working = session.jobs.backend
-    session.jobs.backend = replace(working, fit=broken_fit)
-    session.fitting.start(photo)
-    finish(session)
-    session.save_project(tmp_path / "a.codenerf")
-    session.fitting.forget(session.fitting.pending[0].history.sources)
-    session.new()
-    assert not session.fitting.pending
-    photo.unlink()
-    session.open_project(tmp_path / "a.codenerf")
-    finish(session)
-    (question,) = session.fitting.questions
-    assert question.words == "Cannot fit this photo: the loss is not finite"
-    assert session.fitting.question is None, "it is shown when it is chosen"
-    session.fitting.ask_first(question.request)
-    assert session.fitting.question is question
-    session.jobs.backend = working
-    session.answers.try_again(question.request)
-    finish(session, lambda: not session.fitting.pending)
-    assert session.editor.objects.own == ["block"]
-
-
-def test_a_failed_fit_of_several_photos_is_left_as_a_whole(session: Session, photo: Path) -> None:
-    session.jobs.backend = replace(session.jobs.backend, fit=broken_fit)
-    session.fitting.start(photo, block(photo, "b"))
-    finish(session)
-    (question,) = session.fitting.questions
-    assert len(question.request.history.photos) == 2
-    assert question.source.name == "block b.png"
-    session.answers.leave(question)
-    finish(session)
-    assert not session.fitting.pending
-
-
-def test_a_photo_without_an_object_waits_until_it_is_pointed_at(session: Session, photo: Path) -> None:
-    def nothing(path: Path, hints: Hints | None) -> CutOut:
-        if hints is None:
-            raise NoBackgroundError
-        return read_cut_out(path, hints)
-
-    session.jobs.backend = replace(session.jobs.backend, cut_out=nothing)
-    session.fitting.start(photo)
-    finish(session)
-    (question,) = session.fitting.questions
-    assert (question.cut, question.preview.boxes) == (None, ())
-    assert question.words.startswith("The object was not found")
-    assert session.messages.errors == []
-    session.fitting.fit(question.source._replace(hints=Hints()))
-    finish(session, lambda: not session.fitting.pending)
-    assert session.editor.objects.own == ["block"]
-
-
 def test_the_fit_of_the_object_in_the_view_is_shown_beside_another_that_runs(session: Session, photo: Path) -> None:
     fitting = session.fitting
     assert not fitting.shown.sources
-    fitting.start(photo)
-    finish(session, lambda: not fitting.running)
+    fit(session, photo)
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
     fitting.start(second := block(photo, "b"))
     deliver(session, lambda: len(fitting.history.steps) > 3)
@@ -437,9 +250,9 @@ def test_a_result_does_not_replace_an_object_being_edited(session: Session, edit
     session.fitting.start(photo)
     deliver(session, lambda: len(session.fitting.history.steps) > 3)
     editor.show_object("object 5")
-    before = editor.state
+    edited_state = editor.state
     session.fitting.stop()
-    assert editor.state is before
+    assert editor.state is edited_state
     assert editor.objects.own[0] == "block"
     assert "block" in session.fitting.results.unseen
     editor.show_object("block")
@@ -473,10 +286,10 @@ def test_a_better_result_waits_where_the_first_was_edited(session: Session, edit
     session.fitting.start(photo)
     deliver(session, lambda: session.fitting.results.checking is not None)
     editor.sample()
-    before = editor.state
+    edited_state = editor.state
     fit.may_end.set()
     finish(session, lambda: not session.fitting.running)
-    assert editor.state is before
+    assert editor.state is edited_state
     editor.show_object("block")
     assert editor.scene.instance == model[4]
 
@@ -498,30 +311,10 @@ def test_a_first_result_that_nothing_beats_stays_as_it_is(session: Session, edit
     assert editor.objects["block"].confidence == session.fitting.history.last.confidence
 
 
-def test_a_photo_of_another_category_among_several_is_a_question(session: Session, photo: Path) -> None:
-    second = photo.with_name("block other.png")
-    beside = photo.with_name("block.txt")
-    shutil.copy(photo, second)
-    beside.write_bytes(b"moving")
-    guesses = iter(({"chairs": 0.9, "boats": 0.1}, {"chairs": 0.1, "boats": 0.9}))
-    session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: next(guesses))
-    session.fitting.start(photo, beside, second)
-    finish(session, lambda: not session.fitting.running)
-    assert session.messages.newest.text == "2 photos are fitted as one object. 1 of 3 are no photos: block.txt"
-    (question,) = session.fitting.questions
-    assert question.source.path == second
-    assert question.words.startswith("This looks like a boat, the first image like a chair")
-    session.answers.leave(question)
-    finish(session, lambda: not session.fitting.running)
-    assert not session.fitting.questions
-    assert [fitted.source.path for fitted in session.fitting.shown.photos] == [photo]
-
-
 def test_a_message_names_the_fitted_image_of_a_file_with_several(session: Session, photo: Path) -> None:
     def noted(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
         return replace(quick_photo(cut, model, source), note="image 2 of the 3 in this file is used")
 
     session.jobs.backend = replace(session.jobs.backend, frame_photo=noted)
-    session.fitting.start(photo)
-    finish(session, lambda: not session.fitting.running)
+    fit(session, photo)
     assert "image 2 of the 3" in session.messages.newest.text

@@ -37,7 +37,7 @@ def test_the_first_frame_is_the_finest_within_the_budget(rate: float) -> None:
 @given(st.floats(2e4, 1e7), st.lists(st.floats(0.9, 1.1), min_size=40, max_size=40))
 def test_sizes_do_not_alternate(rate: float, noise: list[float]) -> None:
     divisors = drag(FrameBudget(), [rate * factor for factor in (*30 * [1.0], *noise)])
-    changes = sum(before != after for before, after in pairwise(divisors[30:]))
+    changes = sum(divisor != next_divisor for divisor, next_divisor in pairwise(divisors[30:]))
     assert changes <= 1
 
 
@@ -62,4 +62,4 @@ def test_stages_end_at_full_size_twice(divisor: int) -> None:
     stages = FrameBudget(2000**2 / divisor**2 / BUDGET * 1.001).divisors(image(2000))
     assert stages[0] == divisor
     assert stages[-2:] == (1, 1)
-    assert all(before > after for before, after in pairwise(stages[:-1]))
+    assert all(stage > next_stage for stage, next_stage in pairwise(stages[:-1]))

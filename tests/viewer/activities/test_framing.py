@@ -18,13 +18,13 @@ def nearer(session: Session) -> Session:
 
 
 def test_a_chosen_object_is_framed_as_a_part_of_that_edit(nearer: Session, editor: Editor) -> None:
-    before = editor.scene
+    scene = editor.scene
     editor.show_object("object 2")
     finish(nearer)
-    assert editor.scene.camera == replace(before.camera, distance=1.1)
+    assert editor.scene.camera == replace(scene.camera, distance=1.1)
     assert len(editor.history.past) == 1
     editor.undo()
-    assert editor.scene == before
+    assert editor.scene == scene
     editor.redo()
     finish(nearer)
     assert editor.scene.camera.distance == 1.1
@@ -58,13 +58,11 @@ def test_the_first_view_of_a_fitted_object_is_its_photos(nearer: Session, editor
     editor.add_and_show(fitted_object, orbit.home(editor.model))
     nearer.viewport.reset_view()
     finish(nearer)
-    own = orbit.photo_camera(fitted_object.instance.detail.views[0].camera, editor.model)
-    assert editor.scene.camera == replace(own, distance=1.1)
+    photo_camera = orbit.photo_camera(fitted_object.instance.detail.views[0].camera, editor.model)
+    assert editor.scene.camera == replace(photo_camera, distance=1.1)
 
 
-def test_a_view_that_gets_its_size_while_a_fit_begins_is_not_turned_by_a_person(
-    nearer: Session, editor: Editor
-) -> None:
+def test_a_view_sized_while_a_fit_begins_is_not_turned_by_a_person(nearer: Session, editor: Editor) -> None:
     nearer.viewport.follow()  # as with --image, before the window is there
     nearer.viewport.change(panel=(600, 400))
     finish(nearer)
@@ -73,8 +71,8 @@ def test_a_view_that_gets_its_size_while_a_fit_begins_is_not_turned_by_a_person(
 
 def test_a_stretched_object_moves_away_once_it_is_too_large(session: Session, editor: Editor) -> None:
     session.jobs.backend = replace(session.jobs.backend, distance=lambda *inputs: 1.5)
-    before = editor.scene.camera
-    assert before.distance < 1.4
+    camera = editor.scene.camera
+    assert camera.distance < 1.4
     editor.edit(editor.scene.instance.with_edits(Stretch, Stretch((1.0, 1.0, 1.5))), gesture="size box")
     finish(session)
     held = editor.scene.camera.distance
@@ -84,7 +82,7 @@ def test_a_stretched_object_moves_away_once_it_is_too_large(session: Session, ed
     assert editor.scene.camera.distance == 1.5
     editor.undo()
     finish(session)
-    assert editor.scene.camera == before
+    assert editor.scene.camera == camera
     session.jobs.backend = replace(session.jobs.backend, distance=lambda *inputs: 0.9)
     editor.edit(editor.scene.instance.with_edits(Stretch, Stretch((1.0, 1.0, 0.9))))
     finish(session)

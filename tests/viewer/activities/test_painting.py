@@ -37,7 +37,7 @@ def test_a_drag_over_colours_shows_in_the_frame_and_is_one_step_with_the_last(pa
     painted.jobs.backend = replace(painted.jobs.backend, coarse_paint=lambda *_: coarse)
     painting = painted.painting
     finish(painted)
-    before = editor.scene
+    scene = editor.scene
     past = len(editor.history.past)
     painting.paint((0.1, 0.0, 0.0))
     finish(painted)
@@ -46,7 +46,7 @@ def test_a_drag_over_colours_shows_in_the_frame_and_is_one_step_with_the_last(pa
         assert painting.colour == (red, 0.0, 0.0)
         assert painted.viewport.repainted is not None
         assert painted.viewport.repainted.image[0, 0].tolist() == [round(255 * red), 0, 0]
-    assert editor.scene is before
+    assert editor.scene is scene
     painting.release()
     finish(painted)
     assert colour_of(editor) == painting.colour == (1.0, 0.0, 0.0)
@@ -56,7 +56,7 @@ def test_a_drag_over_colours_shows_in_the_frame_and_is_one_step_with_the_last(pa
 
 
 def test_a_paint_that_fails_is_reported(painted: Session, editor: Editor) -> None:
-    def fails(instance: Instance, chosen: Paint) -> Generator[None, None, Instance]:
+    def fails(instance: Instance, new_paint: Paint) -> Generator[None, None, Instance]:
         yield None
         raise ValueError("no surface")
 
@@ -68,14 +68,19 @@ def test_a_paint_that_fails_is_reported(painted: Session, editor: Editor) -> Non
     assert painted.messages.errors == ["Cannot paint: no surface"]
 
 
-def test_a_colour_that_comes_too_late_changes_nothing(painted: Session, editor: Editor) -> None:
+@pytest.mark.parametrize("interrupt", ["show", "undo"])
+def test_a_colour_that_comes_too_late_changes_nothing(painted: Session, editor: Editor, interrupt: str) -> None:
+    editor.edit(Direction.principal(editor.model.codes, "shape", 0).moved(editor.scene.instance, 1.5))
     painted.painting.paint((0.1, 0.0, 0.0))
-    editor.show_object("object 4")
+    if interrupt == "show":
+        editor.show_object("object 4")
     painted.painting.release()
-    before = editor.state
+    if interrupt == "undo":
+        editor.undo()
+    state = editor.state
     finish(painted)
-    assert editor.state is before
-    assert "paint again" in painted.messages.all[-1].text
+    assert editor.state is state
+    assert interrupt == "undo" or "paint again" in painted.messages.all[-1].text
 
 
 def test_a_colour_that_comes_after_a_reshaping_paints_the_new_shape(painted: Session, editor: Editor) -> None:
@@ -87,16 +92,6 @@ def test_a_colour_that_comes_after_a_reshaping_paints_the_new_shape(painted: Ses
     finish(painted)
     assert colour_of(editor)[0] == 0.1
     assert torch.equal(editor.scene.instance.codes.shape, reshaped)
-
-
-def test_a_colour_that_comes_after_an_undo_changes_nothing(painted: Session, editor: Editor) -> None:
-    editor.edit(Direction.principal(editor.model.codes, "shape", 0).moved(editor.scene.instance, 1.5))
-    painted.painting.paint((0.1, 0.0, 0.0))
-    painted.painting.release()
-    editor.undo()
-    before = editor.state
-    finish(painted)
-    assert editor.state is before
 
 
 def test_the_original_comes_back(painted: Session, editor: Editor) -> None:
@@ -136,14 +131,12 @@ def test_a_painted_colour_stays_known_after_another_edit(painted: Session, edito
     assert painting.colour == (0.9, 0.0, 0.0)
 
 
-def test_two_parts_painted_in_a_row_are_both_painted(
-    painted: Session, editor: Editor, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_parts_painted_in_a_row_all_take_the_paint(painted: Session, editor: Editor, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(Painting, "parts", ("seat", "legs"))
 
-    def paint(instance: Instance, chosen: Paint) -> Generator[None, None, Instance]:
+    def paint(instance: Instance, new_paint: Paint) -> Generator[None, None, Instance]:
         yield None
-        added = PartPaint(chosen.part, chosen.colour, (0.5, 0.5, 0.5))
+        added = PartPaint(new_paint.part, new_paint.colour, (0.5, 0.5, 0.5))
         return instance.changed(edits=(*instance.codes.edits, added))
 
     painted.jobs.backend = replace(painted.jobs.backend, paint=paint)
@@ -167,10 +160,8 @@ def test_two_parts_painted_in_a_row_are_both_painted(
     assert painting.is_original and editor.scene.instance.codes.of_kind(PartPaint) == ()
 
 
-def test_the_largest_visible_part_is_painted_until_another_is_chosen(
-    painted: Session, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    handles = tuple(Handle(part, (0.5, 0.5), (0.0, 0.0, 0.0)) for part in ("seat", "legs"))
+def test_the_largest_part_is_painted_until_another_is_chosen(painted: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    handles = tuple(Handle(part_name, (0.5, 0.5), (0.0, 0.0, 0.0)) for part_name in ("seat", "legs"))
     visible = SimpleNamespace(map=PartMap(handles, np.array([[0, 1, 1], [-1, 0, 1]])))
     monkeypatch.setattr(Painting, "parts", ("seat", "legs"))
     monkeypatch.setattr(Reshaping, "parts", None)

@@ -65,11 +65,11 @@ def test_a_place_of_the_view_is_one_of_the_image(session: Session, searched: lis
     visible = session.reshaping.parts
     assert visible is not None
     for handle in visible.map.handles:
-        across, down = visible.place_of(handle)
+        right, down = visible.place_of(handle)
         width = visible.crop.camera.width / visible.crop.width  # of the image, relative to the view
-        assert across == pytest.approx(0.5 + 0.25 * 512 / 640 + (handle.place[0] - 0.5) * width, abs=0.02)
+        assert right == pytest.approx(0.5 + 0.25 * 512 / 640 + (handle.place[0] - 0.5) * width, abs=0.02)
         assert down == pytest.approx(handle.place[1], abs=0.02)
-        assert visible.handle_at((across, down)) is handle
+        assert visible.handle_at((right, down)) is handle
     assert visible.handle_at((0.05, 0.5)) is None
 
 
@@ -94,7 +94,7 @@ def measured(session: Session) -> Bounds:
 
 def test_a_drag_of_a_handle_is_one_step(session: Session, editor: Editor, measured: Bounds) -> None:
     reshaping = session.reshaping
-    before = editor.scene.instance
+    instance = editor.scene.instance
     past = len(editor.history.past)
 
     def height() -> float:
@@ -115,29 +115,27 @@ def test_a_drag_of_a_handle_is_one_step(session: Session, editor: Editor, measur
     assert len(editor.history.past) == past + 1
     assert not editor.history.gesture
     editor.undo()
-    assert editor.scene.instance == before
+    assert editor.scene.instance == instance
 
 
 def test_a_drag_back_to_its_start_leaves_no_edit(session: Session, editor: Editor) -> None:
-    before = editor.scene.instance
+    instance = editor.scene.instance
     direction = Direction.principal(editor.model.codes, "shape", 0)
     start = direction.strength(editor.scene.instance)
     for by in (0.1, 0.7, -0.3, 0.0):
         session.reshaping.follow("slider", direction.moved, start + by)
     session.reshaping.release()
-    assert editor.scene.instance == before
+    assert editor.scene.instance == instance
 
 
-def test_lengths_are_resized_from_the_object_that_the_drag_began_with(
-    session: Session, editor: Editor, measured: Bounds
-) -> None:
-    before = lengths(editor.scene.instance, measured)
+def test_lengths_are_resized_from_the_start_of_the_drag(session: Session, editor: Editor, measured: Bounds) -> None:
+    usual_lengths = lengths(editor.scene.instance, measured)
     for factor in (1.3, 1e9, 1.1):  # on the way beyond the limit
-        session.reshaping.resize("width", factor * before["width"])
+        session.reshaping.resize("width", factor * usual_lengths["width"])
     session.reshaping.release()
-    after = lengths(editor.scene.instance, measured)
-    assert after == pytest.approx(before | {"width": 1.1 * before["width"]})
-    session.reshaping.resize("width", before["width"])
+    resized_lengths = lengths(editor.scene.instance, measured)
+    assert resized_lengths == pytest.approx(usual_lengths | {"width": 1.1 * usual_lengths["width"]})
+    session.reshaping.resize("width", usual_lengths["width"])
     session.reshaping.release()
     assert not editor.scene.instance.is_sized and len(editor.history.past) == 2
 
@@ -148,11 +146,11 @@ def test_a_held_handle_leaves_another_shape_alone(session: Session, editor: Edit
             session.reshaping.drag_handle(_TOP, (0.0, -up))
             finish(session)
         interrupt()
-        before = editor.scene
+        scene = editor.scene
         session.reshaping.drag_handle(_TOP, (0.0, -0.09))
         session.reshaping.release()
         finish(session)
-        assert editor.scene is before
+        assert editor.scene is scene
 
 
 def test_a_paint_that_comes_during_a_drag_does_not_end_it(session: Session, editor: Editor, measured: Bounds) -> None:

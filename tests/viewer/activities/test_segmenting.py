@@ -6,7 +6,7 @@ from PIL import Image
 
 from core.photos import candidates
 from tests.core.tiny import tiny_model
-from tests.viewer.driver import finish
+from tests.viewer.driver import finish, fit
 from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames
 from viewer.editor import Editor
 from viewer.services.backend import Backend
@@ -16,12 +16,12 @@ from viewer.values.fit_history import PhotoSource
 
 
 def test_a_damaged_image_is_reported_and_not_segmented(session: Session, editor: Editor, bad_files: dict[str, Path]):
-    before = editor.history
+    history = editor.history
     for path in bad_files.values():
         session.messages.all.clear()
         session.segmenting.open((PhotoSource(path),), 0)
         finish(session)
-        assert editor.history is before
+        assert editor.history is history
         assert session.messages.errors or session.segmenting.problem, path.name
         session.segmenting.close()
 
@@ -38,8 +38,7 @@ def test_a_photo_that_is_cut_out_is_fitted_at_once(worker: Worker, tmp_path: Pat
     backend = Backend(lambda name: tiny, frames=quick_frames, fit=quick_fit, guess_category=no_guess)
     session = Session(worker, backend, seed=0)
     fitting = session.fitting
-    fitting.start(tmp_path / "street.png")
-    finish(session, lambda: not fitting.running)
+    fit(session, tmp_path / "street.png")
     assert not session.segmenting.active
     assert session.editor.objects.own[0] == "street"
     assert fitting.history.photo.photo.cropped

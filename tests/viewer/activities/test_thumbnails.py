@@ -11,7 +11,7 @@ from viewer.activities.thumbnails import Thumbnails
 from viewer.session import Session
 
 
-def test_a_thumbnail_is_rendered_once_for_equal_codes(session: Session, model: Model) -> None:
+def test_repeated_requests_for_equal_codes_are_rendered_once(session: Session, model: Model) -> None:
     rendered: list[RenderJob] = []
 
     def counted(job: RenderJob) -> Iterator[Frame | None]:
@@ -20,12 +20,10 @@ def test_a_thumbnail_is_rendered_once_for_equal_codes(session: Session, model: M
 
     session.jobs.backend = replace(session.jobs.backend, frames=counted)
     camera = model.camera(0.1, 0.2).resized(16, 16)
+    instances = model[1], model[1].mixed(model[2], 0.0, 0.0), model[2]
     assert session.thumbnails.get(model[1], camera) is None
-    finish(session)
-    thumbnail = session.thumbnails.get(model[1].mixed(model[2], 0.0, 0.0), camera)
-    assert thumbnail.resolution == (16, 16)
-    assert session.thumbnails.get(model[2], camera) is None
-    finish(session)
+    deliver(session, lambda: None not in [session.thumbnails.get(instance, camera) for instance in instances])
+    assert session.thumbnails.get(model[1], camera).resolution == (16, 16)
     assert len(rendered) == 2
 
 
@@ -34,10 +32,10 @@ def test_a_request_that_is_not_repeated_is_dropped(session: Session, model: Mode
     for index in range(40):
         session.thumbnails.get(model[index % 6].mixed(model[0], index / 40, 0.0), camera)
     finish(session)
-    before = len(session.thumbnails.newest()())
-    assert 0 < before < 40
+    count = len(session.thumbnails.newest()())
+    assert 0 < count < 40
     finish(session)
-    assert len(session.thumbnails.newest()()) == before
+    assert len(session.thumbnails.newest()()) == count
 
 
 def test_thumbnails_that_cannot_be_rendered_are_reported_once(session: Session, model: Model) -> None:
@@ -63,29 +61,16 @@ def test_another_model_has_other_thumbnails(session: Session, model: Model) -> N
     assert not session.thumbnails.newest()()
 
 
-def test_a_repeated_request_is_rendered_once(session: Session, model: Model) -> None:
-    widths: list[int] = []
-
-    def counted(job: RenderJob) -> Iterator[Frame | None]:
-        widths.append(job.camera.width)
-        return quick_frames(job)
-
-    session.jobs.backend = replace(session.jobs.backend, frames=counted)
-    camera = model.camera(0.1, 0.2).resized(64, 64)
-    deliver(session, lambda: None not in [session.thumbnails.get(model[index], camera) for index in range(3)])
-    assert widths == [64, 64, 64]
-
-
 def test_stored_thumbnails_are_shown_at_the_next_launch(session: Session, model: Model) -> None:
     def shown(thumbnails: Thumbnails) -> list[Frame | None]:
         return [thumbnails.of_object(model[index]) for index in range(3)]
 
     first = Thumbnails(session.jobs)
-    while None in (before := shown(first)):
+    while None in (frames := shown(first)):
         first.tick()
         finish(session)
     again = Thumbnails(session.jobs, first.newest()())
-    for kept, restored in zip(before, shown(again), strict=True):
-        assert kept and restored
-        np.testing.assert_array_equal(kept.image, restored.image)
-        np.testing.assert_allclose(kept.opacity, restored.opacity, atol=1 / 255)
+    for stored, restored in zip(frames, shown(again), strict=True):
+        assert stored and restored
+        np.testing.assert_array_equal(stored.image, restored.image)
+        np.testing.assert_allclose(stored.opacity, restored.opacity, atol=1 / 255)

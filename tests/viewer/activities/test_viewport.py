@@ -49,11 +49,11 @@ def test_a_baked_object_is_turned_by_opengl_until_the_exact_picture_is_there(ses
     assert viewport.baked_frame is None
     viewport.change(opengl=True)
     finish(session, lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
-    before = viewport.frame
+    exact_frame = viewport.frame
     editor.set_camera(orbit.turned(editor.scene.camera, 0.2, 0.0))
     assert viewport.baked_frame.camera.azimuth == editor.scene.camera.azimuth
     assert (viewport.baked_frame.width, viewport.baked_frame.height) == viewport.settings.panel
-    assert viewport.frame is before
+    assert viewport.frame is exact_frame
     assert not viewport.sharp
     finish(session, lambda: viewport.baked_frame is None and viewport.sharp)
     assert viewport.frame.resolution == viewport.settings.panel  # none of fewer pixels came between

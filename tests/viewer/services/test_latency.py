@@ -56,9 +56,7 @@ def view(instance: Instance, number: int, size: int) -> RenderJob:
 
 
 @pytest.mark.slow  # a minute; prints its figures with -s
-def test_the_view_and_tiles_do_not_wait_for_a_fit_and_a_film(
-    worker: Worker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_view_and_tiles_do_not_wait_for_fit_and_film(worker: Worker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv(VARIABLE, "1")
     chair = held_out_view(DATASETS, "chairs", "polyhaven_armchair_01", 0)
     model = chair.model

@@ -19,9 +19,9 @@ def resident() -> int:
 @pytest.mark.skipif(sys.platform != "linux", reason="others give memory back by themselves")
 def test_free_memory_between_kept_blocks_is_returned() -> None:
     blocks = [bytearray(b"\1" * _BLOCK) for _ in range(1000)]
-    kept = blocks[::50]
-    before = resident()
+    live_blocks = blocks[::50]
+    size = resident()
     del blocks
     return_free_memory()
-    assert before - resident() > 0.5 * 1000 * _BLOCK
-    assert all(block[-1] == 1 for block in kept)
+    assert size - resident() > 0.5 * 1000 * _BLOCK
+    assert all(block[-1] == 1 for block in live_blocks)

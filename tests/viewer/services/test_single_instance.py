@@ -46,12 +46,6 @@ def test_two_homes_and_two_displays_do_not_meet(window: SingleInstance, tmp_path
             assert list(independent.starts()) == list(window.starts()) == []
 
 
-def test_the_next_window_opens_once_the_first_is_closed(window: SingleInstance, tmp_path: Path) -> None:
-    window.close()
-    later = begin(tmp_path / "home", Start())
-    later.close()
-
-
 def test_a_start_waits_for_a_window_that_ends(window: SingleInstance, tmp_path: Path) -> None:
     begun: list[SingleInstance | None] = []
     window.end()
@@ -69,10 +63,10 @@ def test_a_start_waits_for_a_window_that_ends(window: SingleInstance, tmp_path: 
 
 @pytest.mark.parametrize("left", ["", "{", "[]", '{"image": "a.png", "colour": 1}'])
 def test_a_damaged_file_of_a_start_is_ignored(window: SingleInstance, tmp_path: Path, left: str) -> None:
-    (place,) = (tmp_path / "home").iterdir()
-    (place / "0.json").write_text(left)
+    (window_folder,) = (tmp_path / "home").iterdir()
+    (window_folder / "0.json").write_text(left)
     assert handed_over(window, tmp_path / "home", Start("a.png")) == [Start("a.png")]
-    assert [path.name for path in place.iterdir()] == ["lock"]
+    assert [path.name for path in window_folder.iterdir()] == ["lock"]
 
 
 _START = """

@@ -18,9 +18,9 @@ from pathlib import Path
 
 import pytest
 
-from core.models.model import Instance, Model
-from tests.viewer.driver import finish, keep
-from tests.viewer.stand_ins import detailed_fit, no_guess, quick_frames, quick_photo, two_models
+from core.models.model import Model
+from tests.viewer.driver import finish, fit, keep
+from tests.viewer.stand_ins import codes_key, detailed_fit, no_guess, quick_frames, quick_photo, two_models
 from viewer.activities import recording
 from viewer.services.backend import Backend
 from viewer.services.messages import OK, MessageKind
@@ -38,14 +38,10 @@ _KILLS_OF_A_FOLDER = 20
 Key = tuple[str, bytes, bytes]  # codes to compare: model, shape, texture
 
 
-def key(instance: Instance) -> Key:
-    return instance.fingerprint, instance.codes.shape.numpy().tobytes(), instance.codes.texture.numpy().tobytes()
-
-
 def shown(session: Session) -> set[Key]:
     """All states, and the originals of all objects."""
-    states = {key(state.scene.instance) for state, _ in session.editor.history.steps.values()}
-    return states | {key(item.original) for item in session.editor.objects.ever_added}
+    states = {codes_key(state.scene.instance) for state, _ in session.editor.history.steps.values()}
+    return states | {codes_key(item.original) for item in session.editor.objects.ever_added}
 
 
 class Person:
@@ -80,12 +76,12 @@ class Person:
         self._session.editor.objects.add(EditableObject("made", instance, self._numbers.random() < 0.8, 0.5))
 
     def remove(self) -> None:
-        if own := self._session.editor.objects.own:
-            self._session.remove(self._numbers.choice(own))
+        if names := self._session.editor.objects.own:
+            self._session.remove(self._numbers.choice(names))
 
     def rename(self) -> None:
-        if own := self._session.editor.objects.own:
-            self._session.rename(self._numbers.choice(own), f"name {self._numbers.randrange(10)}")
+        if names := self._session.editor.objects.own:
+            self._session.rename(self._numbers.choice(names), f"name {self._numbers.randrange(10)}")
 
     def new(self) -> None:
         earlier = self._session.store.earlier
@@ -100,12 +96,12 @@ def live(models: dict[str, Model], folder: Path, seed: int, said: Connection) ->
     backend = Backend(models.__getitem__, frames=quick_frames, frame_photo=quick_photo, guess_category=no_guess)
     session = Session(Worker(), backend, seed, folder)
     session.resume()
-    there = shown(session)
+    stored = shown(session)
     for earlier in session.store.earlier:
         project = session.store.session(earlier.number, session.editor.state)
-        there |= {key(state.scene.instance) for state, _ in project.history.steps.values()}
-        there |= {key(item.original) for item in project.objects}
-    said.send((there, [message.text for message in session.messages.all if message.kind is MessageKind.PROBLEM]))
+        stored |= {codes_key(state.scene.instance) for state, _ in project.history.steps.values()}
+        stored |= {codes_key(item.original) for item in project.objects}
+    said.send((stored, [message.text for message in session.messages.all if message.kind is MessageKind.PROBLEM]))
     person = Person(session, random.Random(seed))
     while True:
         person.act()
@@ -141,27 +137,25 @@ def killed_run(models: dict[str, Model], folder: Path, numbers: random.Random) -
 @pytest.mark.slow  # as many kills as it is told to
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no processes are forked on Windows")
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_nothing_that_was_on_screen_is_lost_by_kills(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
-) -> None:
+def test_nothing_on_screen_is_lost_by_kills(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
     monkeypatch.setattr(store, "EARLIER", 10_000)  # nothing is dropped because it is old
     monkeypatch.setattr(store, "SWEPT", 5)
     monkeypatch.setattr(recording, "BEAT", 0.05)
     monkeypatch.setattr(history, "DEPTH", 10_000)
     models = two_models()
     numbers = random.Random(seed)
-    trained = {key(model[index]) for model in models.values() for index in model.codes.valid}
+    trained = {codes_key(model[index]) for model in models.values() for index in model.codes.valid}
     edits = 0
     for kill in range(-(-_KILLS // 3)):
         if kill % _KILLS_OF_A_FOLDER == 0:
             folder = tmp_path / str(kill)
-            seen = set[Key]()
-        (there, errors), *told = killed_run(models, folder, numbers)
-        assert not errors and not seen - trained - there, (kill, len(seen - trained - there))
-        for keys, problems in told:
+            expected = set[Key]()
+        (stored, errors), *reports = killed_run(models, folder, numbers)
+        assert not errors and not expected - trained - stored, (kill, len(expected - trained - stored))
+        for keys, problems in reports:
             assert problems == []
-            seen |= keys
-        edits += len(told)
+            expected |= keys
+        edits += len(reports)
     print(f"{kill + 1} kills, {edits} acts")
     assert edits > kill
 
@@ -228,8 +222,7 @@ def test_a_damaged_database_is_set_aside_and_what_can_be_read_goes_on(
 ) -> None:
     session.jobs.backend = Backend(**(vars(backend) | {"fit": detailed_fit}))
     for _ in range(3):
-        session.fitting.start(photo)
-        finish(session, lambda: not session.fitting.pending)
+        fit(session, photo)
     session.recording.close()
     with closing(sqlite3.connect(tmp_path / FILE)) as connection:
         connection.execute("UPDATE sessions SET status = 'open'")  # it crashed

@@ -22,7 +22,7 @@ from core.models.photo_detail import compressed
 from core.photos.photo import Photo
 from core.photos.segmentation import Hints, Stroke
 from tests.conftest import open_models, random_model
-from tests.viewer.driver import finish, opened
+from tests.viewer.driver import finish, fit, opened
 from viewer.session import Session
 from viewer.store.files import read_project
 from viewer.store.store import Store
@@ -34,8 +34,7 @@ from viewer.values.project import Project
 def saved(session: Session, photo: Path, tmp_path: Path) -> Project:
     """A fitted object, a mix, an undone edit, a branch, and a fit that waits, in ``a.codenerf``."""
     editor = session.editor
-    session.fitting.start(photo)
-    finish(session, lambda: not session.fitting.running)
+    fit(session, photo)
     editor.set_b("object 4")
     editor.mix_both(0.0, 0.4)
     editor.undo()
@@ -59,10 +58,18 @@ def change(path: Path, *statements: str) -> None:
 def test_a_saved_project_is_loaded_completely(saved: Project, session: Session, tmp_path: Path) -> None:
     loaded = opened(tmp_path / "a.codenerf", session)
     assert loaded.history == saved.history and len(loaded.history.branches()) == 1
-    assert len(loaded.history.future) == 1 and all(map(session.editor.can_show, loaded.history.states))
-    for before, after in zip(saved.objects, loaded.objects, strict=True):
-        assert (after.name, after.key, after.version_of) == (before.name, before.key, before.version_of)
-        assert (after.ends, after.fitted, after.confidence) == (before.ends, before.fitted, before.confidence)
+    assert len(loaded.history.future) == 1 and all(map(session.editor.objects.can_show, loaded.history.states))
+    for saved_object, loaded_object in zip(saved.objects, loaded.objects, strict=True):
+        assert (loaded_object.name, loaded_object.key, loaded_object.version_of) == (
+            saved_object.name,
+            saved_object.key,
+            saved_object.version_of,
+        )
+        assert (loaded_object.ends, loaded_object.fitted, loaded_object.confidence) == (
+            saved_object.ends,
+            saved_object.fitted,
+            saved_object.confidence,
+        )
     assert loaded.pending[0].history.sources == saved.pending[0].history.sources
     ((key, fit),) = loaded.fits.items()
     expected = saved.fits[key]
@@ -72,8 +79,8 @@ def test_a_saved_project_is_loaded_completely(saved: Project, session: Session, 
     assert last.instance == expected.last.instance and len(last.hypotheses) == len(expected.last.hypotheses)
     assert all(step.instance == last.instance and not step.hypotheses for step in fit.steps[:-1])
     assert (last.hypotheses[0].crop_transform == expected.last.hypotheses[0].crop_transform).all()
-    whole, again = (value.photos[0].preview.pixels.astype(float) for value in (expected, fit))
-    assert np.abs(whole - again).mean() < 5
+    photo_pixels, loaded_pixels = (value.photos[0].preview.pixels.astype(float) for value in (expected, fit))
+    assert np.abs(photo_pixels - loaded_pixels).mean() < 5
     assert loaded.path is None and loaded.lost == ()
 
 
@@ -105,9 +112,7 @@ def test_a_photo_keeps_the_fields_beside_its_pixels(model: Model, saved: Project
     assert (loaded.scaled, loaded.edge_error, loaded.focal, loaded.blur) == (True, 1.5, 50.0, 2.0)
 
 
-def test_a_project_that_is_handed_on_brings_its_photos_and_names_no_folder(
-    saved: Project, session: Session, photo: Path, tmp_path: Path
-) -> None:
+def test_a_project_brings_its_photos_and_names_no_folder(saved: Project, session: Session, photo: Path, tmp_path: Path):
     path = tmp_path / "elsewhere.codenerf"
     files = {**saved.model_files, "0" * 16: str(tmp_path / "of another project.safetensors")}
     Store().save(replace(saved, pending=(), model_files=files), path)
@@ -120,9 +125,7 @@ def test_a_project_that_is_handed_on_brings_its_photos_and_names_no_folder(
     assert source.name == photo.name and source.file.read_bytes() == content
 
 
-def test_a_project_cannot_name_a_file_of_this_machine_as_a_photo(
-    saved: Project, session: Session, photo: Path, tmp_path: Path
-) -> None:
+def test_a_project_cannot_read_a_file_of_this_machine(saved: Project, session: Session, photo: Path, tmp_path: Path):
     secret = tmp_path / "secret.png"
     secret.write_bytes(b"private")
     path = tmp_path / "a.codenerf"
@@ -157,14 +160,14 @@ def test_objects_of_a_missing_model_are_saved_unchanged(saved: Project, tmp_path
 
 def test_a_project_that_cannot_be_read_back_leaves_the_old_file(saved: Project, tmp_path: Path) -> None:
     path = tmp_path / "a.codenerf"
-    before = path.read_bytes()
+    content = path.read_bytes()
     ((key, fit),) = saved.fits.items()
     harmed = replace(fit, steps=(*fit.steps[:-1], replace(fit.last, loss=float("nan"))))
     with pytest.raises(ValueError, match="cannot be read back"):
         Store().save(replace(saved, fits={key: harmed}), path)
     with pytest.raises(ValueError, match="cannot write"):
         Store().save(saved, tmp_path / "no such folder" / "a.codenerf")
-    assert path.read_bytes() == before and list(tmp_path.glob(".*")) == []
+    assert path.read_bytes() == content and list(tmp_path.glob(".*")) == []
 
 
 # Of any origin
@@ -193,9 +196,7 @@ HARMS = {
 
 
 @pytest.mark.parametrize("harm", HARMS)
-def test_a_part_that_cannot_be_read_leaves_the_others(
-    saved: Project, session: Session, tmp_path: Path, harm: str
-) -> None:
+def test_an_unreadable_part_leaves_the_others(saved: Project, session: Session, tmp_path: Path, harm: str) -> None:
     path = tmp_path / "a.codenerf"
     change(path, "PRAGMA foreign_keys = OFF", *HARMS[harm])
     session.new()

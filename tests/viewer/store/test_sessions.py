@@ -14,8 +14,8 @@ from PIL import Image, ImageOps
 from core.models.model import Instance
 from core.models.photo_detail import Erasure
 from tests.conftest import random_model
-from tests.viewer.driver import deliver, finish, keep
-from tests.viewer.stand_ins import Clock, detailed_fit, endless_fit
+from tests.viewer.driver import deliver, finish, fit, keep
+from tests.viewer.stand_ins import Clock, block, detailed_fit, endless_fit
 from viewer.activities import recording
 from viewer.services.backend import Backend
 from viewer.services.worker import Worker
@@ -29,20 +29,16 @@ Launch = Callable[..., Session]
 
 @pytest.fixture
 def launch(worker: Worker, backend: Backend, tmp_path: Path) -> Launch:
-    """Opens a session that keeps itself in ``tmp_path``, and goes on with the last one."""
+    """Opens a session that keeps itself in ``tmp_path``, and goes on with the last one, which is closed first."""
 
-    def begin(backend: Backend = backend, folder: Path = tmp_path, display: str = "") -> Session:
-        session = Session(worker, backend, 1, folder, display=display)
+    def begin(backend: Backend = backend, display: str = "", last: Session | None = None) -> Session:
+        if last:
+            last.recording.close()
+        session = Session(worker, backend, 1, tmp_path, display=display)
         session.resume()
         return session
 
     return begin
-
-
-def fit(session: Session, *photos: Path) -> None:
-    """Fit photos together."""
-    session.fitting.start(*photos)
-    finish(session, lambda: not session.fitting.pending)
 
 
 def shapes(session: Session) -> list[str]:
@@ -58,8 +54,7 @@ def test_the_next_launch_goes_on_with_objects_of_every_model(launch: Launch, pho
     session.editor.show_object("car 2")
     made = session.editor.history
     session.save_project(session.project_path or photo.with_suffix(".codenerf"))
-    session.recording.close()
-    session = launch(both)
+    session = launch(both, last=session)
     assert session.editor.history == made
     assert session.editor.model.category == "cars"
     assert session.editor.objects.own == ["block"]
@@ -67,9 +62,7 @@ def test_the_next_launch_goes_on_with_objects_of_every_model(launch: Launch, pho
     assert session.messages.errors == []
 
 
-def test_every_object_can_be_corrected_after_a_restart(
-    launch: Launch, backend: Backend, photo: Path, tmp_path: Path
-) -> None:
+def test_objects_can_be_corrected_after_a_restart(launch: Launch, backend: Backend, photo: Path, tmp_path: Path):
     """And so can a version of it; its photo is there though its file is gone."""
     session = launch(replace(backend, fit=detailed_fit))
     sizes = {"block tall": (90, 110), "block wide": (120, 100)}
@@ -81,20 +74,19 @@ def test_every_object_can_be_corrected_after_a_restart(
         fit(session, path)
         fits.append(session.fitting.shown)
         path.unlink()
-    session.recording.close()
-    session = launch(replace(backend, fit=detailed_fit))
+    session = launch(replace(backend, fit=detailed_fit), last=session)
     for (name, (width, height)), made in zip(sizes.items(), fits, strict=True):
         objects = session.editor.objects
         session.editor.show_object(objects.version(name, objects[name].instance.with_texture(session.editor.model[3])))
         finish(session, lambda: bool(session.fitting.shown.sources))
-        shown = session.fitting.shown
-        assert shown is session.fitting.history
-        assert [step.psnr for step in shown.steps] == [step.psnr for step in made.steps]
-        assert (shown.last.runner_up, shown.last.confidence) == (made.last.runner_up, made.last.confidence)
-        assert len(shown.last.hypotheses) == len(made.last.hypotheses) and shown.resume_point
-        assert shown.last.instance == made.last.instance
+        history = session.fitting.shown
+        assert history is session.fitting.history
+        assert [step.psnr for step in history.steps] == [step.psnr for step in made.steps]
+        assert (history.last.runner_up, history.last.confidence) == (made.last.runner_up, made.last.confidence)
+        assert len(history.last.hypotheses) == len(made.last.hypotheses) and history.resume_point
+        assert history.last.instance == made.last.instance
         assert session.whole_photo.shape == (height, width, 3)
-        session.segmenting.open(shown.sources, 0)
+        session.segmenting.open(history.sources, 0)
         finish(session, lambda: session.segmenting.settled)
     session.fitting.refit()
     finish(session, lambda: not session.fitting.pending)
@@ -106,8 +98,7 @@ def test_every_object_can_be_corrected_after_a_restart(
 
 
 def test_a_fit_under_way_and_those_that_wait_go_on(launch: Launch, backend: Backend, photo: Path) -> None:
-    second = photo.with_name("block other.png")
-    second.write_bytes(photo.read_bytes())
+    second = block(photo, "other")
     session = launch(replace(backend, fit=endless_fit))
     session.fitting.start(photo)
     session.fitting.start(second)
@@ -146,8 +137,7 @@ def test_an_edit_is_kept_between_drags(launch: Launch, tmp_path: Path) -> None:
     session.editor.end_gesture()
     keep(session)
     assert statuses(tmp_path) == ["open"]
-    session.recording.close()
-    assert launch().editor.state.mix.texture == 0.4
+    assert launch(last=session).editor.state.mix.texture == 0.4
 
 
 def statuses(folder: Path) -> list[str]:
@@ -168,8 +158,7 @@ def test_a_session_that_ended_the_program_twice_is_not_opened(launch: Launch) ->
     (earlier,) = session.store.earlier
     session.open_earlier(earlier)
     assert shapes(session)[1:] == ["object 2", "object 3"]
-    session.recording.close()
-    assert launch().editor.history.past
+    assert launch(last=session).editor.history.past
 
 
 def test_of_two_windows_neither_session_is_lost_nor_an_object(launch: Launch, photo: Path) -> None:
@@ -180,8 +169,7 @@ def test_of_two_windows_neither_session_is_lost_nor_an_object(launch: Launch, ph
         session.editor.show_object(f"object {number + 2}")
         keep(session)
     for session in windows:
-        session.recording.close()
-    session = launch()
+        session = launch(last=session)
     assert shapes(session)[-1] == "object 3"
     assert session.editor.objects.own == ["block (2)", "block"]
     for number, name in enumerate(("block", "block (2)")):
@@ -246,8 +234,7 @@ def test_new_archives_the_session_and_keeps_fitted_objects(launch: Launch, photo
     assert session.editor.objects.own == ["never shown", "block"]
     assert edited in session.editor.objects.states("block")
     session.new()
-    session.recording.close()
-    assert not launch().editor.history.past
+    assert not launch(last=session).editor.history.past
 
 
 def test_few_earlier_sessions_are_kept(launch: Launch, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -268,16 +255,14 @@ def test_removed_objects_come_back_by_undo_at_the_next_launch_until_new(launch: 
     session.rename("block", "Red chair")
     session.new()
     session.remove("Red chair")
-    session.recording.close()
-    session = launch()
+    session = launch(last=session)
     assert session.editor.objects.own == []
     session.editor.undo()
     assert session.editor.objects.own == ["Red chair"]
     session.editor.redo()
     session.new()
     assert session.editor.objects.own == []
-    session.recording.close()
-    session = launch()
+    session = launch(last=session)
     assert session.editor.objects.ever_added == ()
     session.open_earlier(session.store.earlier[0])
     session.editor.undo()
@@ -289,18 +274,15 @@ def test_states_and_objects_of_a_replaced_model_wait_for_it(launch: Launch, back
     fit(session, photo)
     session.editor.show_object("object 2")
     made = session.editor.history
-    session.recording.close()
-    other = replace(backend, load_model=lambda name: random_model(9))
-    session = launch(other)
+    session = launch(replace(backend, load_model=lambda name: random_model(9)), last=session)
     editor = session.editor
-    assert editor.history.past == made.states and editor.can_show(editor.state)
+    assert editor.history.past == made.states and editor.objects.can_show(editor.state)
     assert "waits in Mine" in session.messages.newest.text
-    assert editor.is_missing("block")
+    assert editor.objects.is_missing("block")
     editor.undo()
-    assert editor.can_show(editor.state)
-    session.recording.close()
-    session = launch()
-    assert session.editor.state == made.now and not session.editor.is_missing("block")
+    assert editor.objects.can_show(editor.state)
+    session = launch(last=session)
+    assert session.editor.state == made.now and not session.editor.objects.is_missing("block")
 
 
 def test_objects_last_when_their_model_is_extended(launch: Launch, backend: Backend, photo: Path) -> None:
@@ -338,9 +320,7 @@ def test_undo_after_many_strokes_is_small(launch: Launch, tmp_path: Path, backen
 
 
 @pytest.mark.parametrize("crashed", [False, True])
-def test_the_next_launch_shows_the_view_and_tiles_at_once(
-    launch: Launch, crashed: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_next_launch_shows_view_and_tiles(launch: Launch, crashed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     session = launch()
     session.viewport.change(panel=(300, 200))
     session.start()

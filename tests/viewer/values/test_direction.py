@@ -11,14 +11,14 @@ def test_a_principal_direction_sets_one_coordinate_of_one_code(model: Model, kin
     instance = model[2]
     direction = Direction.principal(book, kind, 1)
     space = book.shape_space if kind == "shape" else book.texture_space
-    before = space.coordinates(getattr(instance.codes, kind))
+    coordinates = space.coordinates(getattr(instance.codes, kind))
     other_kind = "texture" if kind == "shape" else "shape"
     assert direction.kind == kind
-    assert direction.strength(instance) == pytest.approx(float(before[1]), abs=1e-4)
-    to = float(before[1]) + 0.5
+    assert direction.strength(instance) == pytest.approx(float(coordinates[1]), abs=1e-4)
+    to = float(coordinates[1]) + 0.5
     moved = direction.moved(instance, to)
-    after = [Direction.principal(book, kind, index).strength(moved) for index in range(len(before))]
-    expected = before.tolist()
+    strengths = [Direction.principal(book, kind, index).strength(moved) for index in range(len(coordinates))]
+    expected = coordinates.tolist()
     expected[1] = to
-    assert after == pytest.approx(expected, abs=1e-3)
+    assert strengths == pytest.approx(expected, abs=1e-3)
     assert getattr(moved.codes, other_kind) is getattr(instance.codes, other_kind)

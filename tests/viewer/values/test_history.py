@@ -109,9 +109,7 @@ def test_a_drag_that_begins_as_no_edit_is_a_branch_once_it_is_one(edited: Callab
     assert history.undone().now == edited(0)
 
 
-def test_an_undone_move_of_the_camera_is_no_branch_but_an_undone_choice_of_b_is(
-    edited: Callable[[int], State], model: Model
-) -> None:
+def test_an_undone_choice_of_b_is_a_branch_but_no_undone_move_is(edited: Callable[[int], State], model: Model) -> None:
     turned = History.of(edited(0), _turned(edited(0), model, 0.5)).undone().changed(edited(1))
     assert turned.branches() == () and len(turned.steps) == 3
     other_b = replace(edited(0), mix=replace(edited(0).mix, b="c"))
@@ -164,12 +162,12 @@ _MODEL = random_model()
 def test_the_laws_of_undo_hold_after_any_operations(operations: list[tuple[str, int]]) -> None:
     history = History.of(_state(_MODEL, 0, 0))
     for kind, number in operations:
-        before = history
+        former = history
         history = _operated(history, kind, number)
         history.check()
         assert history.states[len(history.past)] is history.now
-        if kind == "edit" and history is not before:
-            assert history.undone().now is before.now
+        if kind == "edit" and history is not former:
+            assert history.undone().now is former.now
         if history.past:
             assert history.undone().redone().now is history.now
             assert history.undone().redone().states == history.states
@@ -177,10 +175,10 @@ def test_the_laws_of_undo_hold_after_any_operations(operations: list[tuple[str, 
             assert history.redone().undone().now is history.now
         scenes = {id(state.scene) for state, _ in history.steps.values()}
         if not history.gesture:  # each state of a drag takes the place of the first before
-            assert {id(state.scene) for state, _ in before.steps.values()} <= scenes
+            assert {id(state.scene) for state, _ in former.steps.values()} <= scenes
         if kind == "move":
-            assert _edits(history) == _edits(before)
-            assert history.future == before.future
+            assert _edits(history) == _edits(former)
+            assert history.future == former.future
         on_path = {number for group in history.edits() for edit in group for number in edit.steps}
         hidden = history.steps.keys() - on_path
         for branch in history.branches():
@@ -196,32 +194,30 @@ def test_beyond_the_limit_only_the_oldest_ends_beside_the_path_are_dropped(opera
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "DEPTH", 6)
         for kind, number in operations:
-            before = history
+            former = history
             history = _operated(history, kind, number)
             history.check()
             assert len(history.steps) <= 7
-            if before.states[0] is not history.states[0]:
+            if former.states[0] is not history.states[0]:
                 assert len(history.steps) == len(history.states)
 
 
 @settings(deadline=None, max_examples=200)
 @given(st.lists(_OPERATIONS, max_size=20), st.sets(st.integers(0, 12)))
-def test_steps_that_are_left_out_leave_one_tree_of_the_others(
-    operations: list[tuple[str, int]], dropped: set[int]
-) -> None:
+def test_the_steps_that_are_left_are_one_tree(operations: list[tuple[str, int]], dropped: set[int]) -> None:
     history = History.of(_state(_MODEL, 0, 0))
     for kind, number in operations:
         history = _operated(history, kind, number)
-    kept = [step.state for number, step in history.steps.items() if number not in dropped]
-    if not kept:
+    states = [step.state for number, step in history.steps.items() if number not in dropped]
+    if not states:
         return
     left = history.without(dropped)
     left.check()
-    assert [step.state for step in left.steps.values()] == kept
+    assert [step.state for step in left.steps.values()] == states
     if history.current not in dropped:
         assert left.now is history.now
-    first = [state for number, state in zip(history._path, history.states, strict=True) if number not in dropped]
-    assert not first or list(left.states[: len(first)]) == first
+    path = [state for number, state in zip(history._path, history.states, strict=True) if number not in dropped]
+    assert not path or list(left.states[: len(path)]) == path
     assert sorted(history.nearest) == list(history.steps) and history.nearest[0] == history.current
 
 
@@ -234,13 +230,13 @@ def _turned(state: State, model: Model, azimuth: float) -> State:
 
 
 def _operated(history: History, kind: str, number: int) -> History:
-    now = history.now
+    state = history.now
     changes = {
-        "edit": lambda: history.changed(replace(now, scene=replace(now.scene, instance=_MODEL[number]))),
-        "drag": lambda: history.changed(replace(now, scene=replace(now.scene, instance=_MODEL[number])), "drag"),
-        "move": lambda: history.changed(_turned(now, _MODEL, 0.1 * number)),
-        "turn": lambda: history.changed(_turned(now, _MODEL, 0.1 * number), "orbit", moves=True),
-        "note": lambda: history.changed(replace(now, removed=frozenset({str(number)}))),
+        "edit": lambda: history.changed(replace(state, scene=replace(state.scene, instance=_MODEL[number]))),
+        "drag": lambda: history.changed(replace(state, scene=replace(state.scene, instance=_MODEL[number])), "drag"),
+        "move": lambda: history.changed(_turned(state, _MODEL, 0.1 * number)),
+        "turn": lambda: history.changed(_turned(state, _MODEL, 0.1 * number), "orbit", moves=True),
+        "note": lambda: history.changed(replace(state, removed=frozenset({str(number)}))),
         "undo": history.undone,
         "redo": history.redone,
         "release": history.without_gesture,

@@ -11,12 +11,12 @@ def test_versions_of_another_session_are_listed(model: Model) -> None:
     here = ObjectLibrary(open_models(model))
     here.add(EditableObject("chair", model[1], unedited=model[0], key="7"))
     here.add(EditableObject("chair (2)", model[0], version_of=here["chair"].key))
-    there = (
+    incoming = (
         EditableObject("chair", model[0], key="7"),
         EditableObject("chair (2)", model[2], unedited=model[0], version_of="7", key="8"),
         EditableObject("chair (3)", model[3], unedited=model[0], version_of="7", key="9"),
     )
-    names = here.match(there)
+    names = here.match(incoming)
     assert names["chair"] == "chair"
     assert set(here.versions("chair")) == {added.name for added in here.added}
     assert here.own == ["chair"]
@@ -48,8 +48,8 @@ def test_versions_of_another_home_stay_with_their_object(model: Model) -> None:
     for number, home in enumerate(homes):
         home.add(EditableObject("chair", model[2 * number], key="7"))
         home.version("chair", model[2 * number + 1])
-    here, there = homes
-    names = here.match(there.ever_added)
+    here, stranger = homes
+    names = here.match(stranger.ever_added)
     assert here.versions("chair") == ["chair", "chair (2)"]
     assert here.versions(names["chair"]) == [names["chair"], names["chair (2)"]]
     assert here.own == [names["chair"], "chair"]

@@ -29,8 +29,8 @@ def test_drags_turn_half_a_turn_across_and_add_up() -> None:
 
 
 @given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
-def test_no_drag_leaves_the_orbit_or_passes_a_pole(across: float, down: float) -> None:
-    camera = orbit.dragged(CAMERA, across, down)
+def test_no_drag_leaves_the_orbit_or_passes_a_pole(right: float, down: float) -> None:
+    camera = orbit.dragged(CAMERA, right, down)
     assert abs(camera.azimuth) <= math.pi + 1e-9
     assert abs(camera.elevation) < math.pi / 2
 
@@ -102,8 +102,8 @@ def test_a_photo_lies_over_the_view_where_its_object_is(model: Model, panel: tup
     corner = torch.tensor([[0.1, -0.2, 0.3]])
     crop = orbit.fit_to_panel(camera, *panel, min(panel), pan)
     projected = crop.camera.project(corner)[0] - torch.tensor([crop.left, crop.top])
-    place = photo.project(corner)[0] / torch.tensor([640.0, 480.0])
-    expected = left + float(place[0]) * (right - left), top + float(place[1]) * (bottom - top)
+    relative = photo.project(corner)[0] / torch.tensor([640.0, 480.0])
+    expected = left + float(relative[0]) * (right - left), top + float(relative[1]) * (bottom - top)
     assert projected.tolist() == pytest.approx(expected, abs=1.0)  # views are moved by whole px
 
 

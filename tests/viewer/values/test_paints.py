@@ -19,6 +19,6 @@ def test_the_square_has_greys_at_the_left_and_hues_from_white_to_black() -> None
     assert square_colour(0.05, 0.5) == pytest.approx((0.5, 0.5, 0.5))
     red, green, blue = square_colour(0.1, 0.5)
     assert red > 0.9 > 0.1 > green == pytest.approx(blue)
-    for across in (0.0, 0.5, 1.0):
-        assert square_colour(across, 0.0) == pytest.approx((1.0, 1.0, 1.0))
-        assert square_colour(across, 1.0) == pytest.approx((0.0, 0.0, 0.0))
+    for hue in (0.0, 0.5, 1.0):
+        assert square_colour(hue, 0.0) == pytest.approx((1.0, 1.0, 1.0))
+        assert square_colour(hue, 1.0) == pytest.approx((0.0, 0.0, 0.0))

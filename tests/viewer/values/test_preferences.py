@@ -9,10 +9,10 @@ from viewer.values.share_settings import ShareSettings
 
 def test_saved_preferences_are_loaded(tmp_path: Path) -> None:
     settings = ShareSettings("picture", size=1024, background="colour", colour=(3, 255, 255))
-    chosen = replace(Preferences(), dark=False, text=1.25, newcomer=False, share=settings)
-    chosen = chosen.with_recent(tmp_path / "a.png")
-    chosen.save(tmp_path / "deep" / "folder")
-    assert Preferences.load(tmp_path / "deep" / "folder") == chosen
+    preferences = replace(Preferences(), dark=False, text=1.25, newcomer=False, share=settings)
+    preferences = preferences.with_recent(tmp_path / "a.png")
+    preferences.save(tmp_path / "deep" / "folder")
+    assert Preferences.load(tmp_path / "deep" / "folder") == preferences
 
 
 @pytest.mark.parametrize(

@@ -95,9 +95,7 @@ def test_films_start_at_the_photos_camera(model: Model, photographed: Scene, kin
     assert picture.camera.azimuth == -2.0
 
 
-def test_a_film_that_the_object_cannot_have_gives_way_to_its_usual_one(
-    model: Model, scene: Scene, photographed: Scene
-) -> None:
+def test_a_film_that_is_impossible_gives_way_to_the_usual_one(model: Model, scene: Scene, photographed: Scene) -> None:
     partner = model[1]
     assert films_of(photographed, partner) == ("swing", "turntable", "morph")
     assert films_of(scene, None) == ("turntable",)

@@ -19,10 +19,10 @@ def ball() -> Frame:
     rays = camera_rays(CAMERA, torch.ones(3))
     origins = rays.origins.numpy()
     directions = rays.directions.numpy()
-    along = -(origins * directions).sum(-1)
-    aside = ((origins + along[..., None] * directions) ** 2).sum(-1)
+    distance = -(origins * directions).sum(-1)
+    aside = ((origins + distance[..., None] * directions) ** 2).sum(-1)
     hit = aside < 0.16
-    depth = np.where(hit, along - np.sqrt(np.clip(0.16 - aside, 0, None)), 0).astype(np.float32)
+    depth = np.where(hit, distance - np.sqrt(np.clip(0.16 - aside, 0, None)), 0).astype(np.float32)
     image = np.full((64, 64, 3), 255, np.uint8)
     image[hit] = 40
     return Frame(image, depth, hit.astype(np.float32), 0, 1, 192, 0.1, 3 * hit.astype(np.int32))

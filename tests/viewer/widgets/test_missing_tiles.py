@@ -113,10 +113,10 @@ def test_it_is_back_at_the_next_launch_once_its_file_is(
     aside = stools.rename(stools.with_name("aside"))
 
     def without(window: Driver) -> None:
-        assert window.session.editor.is_missing("Red stool")
+        assert window.session.editor.objects.is_missing("Red stool")
         window.menu("File/###new_project")  # what is mine stays
         assert window.session.editor.objects.own == ["Red stool"]
-        assert window.session.editor.is_missing("Red stool")
+        assert window.session.editor.objects.is_missing("Red stool")
 
     def back(window: Driver) -> None:
         assert window.session.messages.all == []
@@ -144,7 +144,7 @@ def test_a_tile_asks_for_no_file_that_is_back_and_refuses_another_model(
         assert window.session.messages.errors == [
             "tables.safetensors is another model than stools.safetensors: choose the one from then"
         ]
-        assert window.session.editor.is_missing("Red stool") and len(list(window.session.models)) == 1
+        assert window.session.editor.objects.is_missing("Red stool") and len(list(window.session.models)) == 1
         aside.rename(stools)
         window.click("Library/**/show Red stool")
         window.wait()
@@ -210,7 +210,7 @@ def test_a_removed_tile_comes_back_by_undo_and_is_deleted_by_new(
         assert window.session.editor.objects.own == []
         window.undo()
         assert window.session.editor.objects.own == ["Red stool"]
-        assert window.session.editor.is_missing("Red stool")
+        assert window.session.editor.objects.is_missing("Red stool")
         window.redo()
         window.menu("File/###new_project")
         assert window.session.editor.objects.own == []
