@@ -17,7 +17,7 @@ from viewer.values import orbit
 from viewer.values.history import History
 from viewer.values.objects import EditableObject, ObjectLibrary
 from viewer.values.project import Project
-from viewer.values.restoring import can_show, first_mix, is_missing, reopened, restored
+from viewer.values.restoring import first_mix, reopened, restored
 from viewer.values.state import Mix, Pair, State
 
 
@@ -97,7 +97,7 @@ class Editor:
     def film_partner(self) -> Instance | None:
         """B; None if B cannot be mixed with the object on screen or looks like it."""
         name = self.state.mix.b
-        if name not in self.objects or self.is_missing(name) or not self.is_mixable(name):
+        if name not in self.objects or self.objects.is_missing(name) or not self.is_mixable(name):
             return None
         partner = self.objects[name].instance
         return None if partner.with_detail(None) == self.scene.instance.with_detail(None) else partner
@@ -113,17 +113,16 @@ class Editor:
 
     def set_detail(self, detail: PhotoDetail, gesture: str = "") -> None:
         """Replace the object's photo detail."""
-        instance = self.scene.instance.changed(detail=detail)
-        self._edit(replace(self.scene, instance=instance), gesture=gesture)
+        self._edit(self.scene.instance.changed(detail=detail), gesture=gesture)
 
     def reset(self) -> None:
         """Return to object A without its edits and without any of B; its edits are a version."""
         self.objects.keep(self.state.version_of, self.scene.instance)
-        self._set_codes(self.original, replace(self.state.mix, shape=0.0, texture=0.0), is_a=True)
+        self._edit(self.original, replace(self.state.mix, shape=0.0, texture=0.0), is_a=True)
 
     def sample(self) -> None:
         """Sample shape and texture from the distribution of the trained codes."""
-        self._set_codes(self.model.sample(self._generator), self.state.mix, is_a=False)
+        self._edit(self.model.sample(self._generator), is_a=False)
 
     def edit(self, edited: Instance, gesture: str = "") -> None:
         """Replace the object by an edited one.
@@ -135,7 +134,7 @@ class Editor:
         if is_resized:
             distance = camera.distance * self.scene.instance.codes.scale / edited.codes.scale
             camera = orbit.at_distance(camera, distance, self.model)
-        self._set_codes(edited, self.state.mix, gesture, camera)
+        self._edit(edited, gesture=gesture, camera=camera)
         if is_resized:
             self.resized.emit()
 
@@ -146,18 +145,17 @@ class Editor:
 
         A fitted object is seen from its photo's camera at first and after an object of another model.
         """
-        if self.is_missing(name):
+        if self.objects.is_missing(name):
             return
         self.end_gesture()  # the object itself may be on screen
         if self.state.mixed_from:
             self.objects.keep(self.state.mixed_from, self.scene.instance)
         instance = self.objects[name].instance
-        pair = Pair(name, name)
         camera = self.scene.camera
-        was_a = any(state.mix.a == pair for state in (self.state, *self.history.past))
+        was_a = any(state.mix.a == (name, name) for state in (self.state, *self.history.past))
         if instance.detail and not (was_a and self.is_mixable(name)):
             camera = orbit.photo_camera(instance.detail.views[0].camera, instance.model)
-        self._set_codes(instance, self._mix_from(pair), camera=camera, is_a=True)
+        self._edit(instance, self._mix_from(name), camera=camera, is_a=True)
         self.object_chosen.emit()
 
     def last_version(self, name: str) -> str:
@@ -195,8 +193,7 @@ class Editor:
 
     def show_added(self, name: str, camera: Camera) -> None:
         """Make an object A as fitted or opened, seen from a camera."""
-        instance = self.objects[name].original
-        self._edit(Scene(instance, camera), self._mix_from(Pair(name, name)), is_a=True)
+        self._edit(self.objects[name].original, self._mix_from(name), camera=camera, is_a=True)
 
     def join(self, scene: Scene) -> None:
         """Change the scene as part of the last edit."""
@@ -207,10 +204,6 @@ class Editor:
         """Give an added object the codes of a better fit; show them if the old ones are on screen, unedited.
 
         Returns whether the old ones were on screen.
-
-        Args:
-            better: the object with the new codes.
-            camera: camera to show the new codes from.
         """
         original = self.objects[name].original
         self.objects.refit(name, better)
@@ -238,14 +231,6 @@ class Editor:
         return keys
 
     # Models that are missing
-
-    def can_show(self, state: State) -> bool:
-        """Return whether a state's model is open and its objects are here, all of that model."""
-        return can_show(state, self.objects)
-
-    def is_missing(self, name: str) -> bool:
-        """Return whether an object cannot be shown because its model is missing."""
-        return is_missing(name, self.objects)
 
     def add_model(self, model: Model) -> None:
         """Add the objects of a newly opened model; objects and states that waited for it can be shown."""
@@ -279,10 +264,10 @@ class Editor:
         """Return the history after steps to the next state that can be shown; the same one if there is none."""
         previous = self.history
         history = step(self.history)
-        while not self.can_show(history.now) and history.current != previous.current:
+        while not self.objects.can_show(history.now) and history.current != previous.current:
             previous = history
             history = step(history)
-        return history if self.can_show(history.now) else self.history
+        return history if self.objects.can_show(history.now) else self.history
 
     def go_to(self, number: int) -> None:
         """Go to a step of undo, perhaps of another branch, by its number.
@@ -290,7 +275,7 @@ class Editor:
         Nothing happens if it cannot be shown.
         """
         history = self.history.at(number)
-        if self.can_show(history.now):
+        if self.objects.can_show(history.now):
             self._go(history)
 
     def show_state(self, state: State) -> None:
@@ -300,34 +285,35 @@ class Editor:
         if (number := next(numbers, None)) is not None:
             self.go_to(number)
 
-    def _mix_of(self, model: Model) -> Mix:
-        """Return the last mix of a model's objects in undo, else a mix of its first two objects."""
+    def _mix_from(self, name: str) -> Mix:
+        """Return the mix of an object with its model's last B in undo, else the model's second object, none of B."""
+        model = self.objects[name].instance.model
         states = (self.state, *reversed(self.history.past))
         here = (state for state in states if state.scene.instance.fingerprint == model.fingerprint)
-        return next((state.mix for state in here if self.can_show(state)), None) or first_mix(self.objects, model)
-
-    def _mix_from(self, pair: Pair) -> Mix:
-        """Return the mix of a pair with its model's last B, at amounts of 0."""
-        return Mix(pair, self._mix_of(self.objects[pair.shape].instance.model).b)
+        mix = next((state.mix for state in here if self.objects.can_show(state)), None) or first_mix(
+            self.objects, model
+        )
+        return Mix(Pair(name, name), mix.b)
 
     def _mix(self, mix: Mix, kinds: tuple[CodeKind, ...], gesture: str = "") -> None:
         mixed = self.unmixed.mixed(self.objects[mix.b].instance, mix.shape, mix.texture)
         instance = self.scene.instance
         for kind in kinds:
             instance = instance.taking(kind, mixed)
-        self._set_codes(instance, mix, gesture)
+        self._edit(instance, mix, gesture)
 
-    def _set_codes(
-        self, instance: Instance, mix: Mix, gesture: str = "", camera: Camera | None = None, is_a: bool | None = None
+    def _edit(
+        self,
+        instance: Instance,
+        mix: Mix | None = None,
+        gesture: str = "",
+        camera: Camera | None = None,
+        is_a: bool | None = None,
     ) -> None:
-        """Edit codes and mix."""
-        self._edit(Scene(instance, camera or self.scene.camera), mix, gesture, is_a)
-
-    def _edit(self, scene: Scene, mix: Mix | None = None, gesture: str = "", is_a: bool | None = None) -> None:
-        """Change the scene; ``is_a`` is that of :class:`State`, None if it stays."""
-        now = self.state
-        state = replace(now, scene=scene, mix=mix or now.mix, is_a=now.is_a if is_a is None else is_a)
-        self._go(self.history.changed(state, gesture))
+        """Replace the object; None for what stays. ``is_a`` is that of :class:`State`."""
+        scene = Scene(instance, camera or self.scene.camera)
+        is_a = self.state.is_a if is_a is None else is_a
+        self._go(self.history.changed(replace(self.state, scene=scene, mix=mix or self.state.mix, is_a=is_a), gesture))
 
     def _go(self, history: History) -> None:
         """Take another history; after a drag, the object on screen keeps its edits, even if another one follows."""

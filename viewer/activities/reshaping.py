@@ -37,27 +37,15 @@ class VisibleParts:
     crop: PanelCrop  # camera of the map, and its shown part
     highlights: dict[str, UInt8[np.ndarray, "height width 4"]]  # RGBA pixels of the whole image, by part
 
-    @property
-    def box(self) -> tuple[float, float, float, float]:
-        """Left, top, right and bottom of the shown part of the image, fractions of its width and height."""
-        return shown_box(self.crop)
-
     def handle_at(self, place: Place) -> Handle | None:
         """Return the handle of the part at a place of the view; None beside the object."""
-        left, top, right, bottom = self.box
+        left, top, right, bottom = self.crop.box
         return self.map.handle_at((left + place[0] * (right - left), top + place[1] * (bottom - top)))
 
     def place_of(self, handle: Handle) -> Place:
         """Return the place of a handle in the view."""
-        left, top, right, bottom = self.box
+        left, top, right, bottom = self.crop.box
         return (handle.place[0] - left) / (right - left), (handle.place[1] - top) / (bottom - top)
-
-
-def shown_box(crop: PanelCrop) -> tuple[float, float, float, float]:
-    """Return left, top, right and bottom of a crop, as fractions of the image's width and height."""
-    width = crop.camera.width
-    height = crop.camera.height
-    return crop.left / width, crop.top / height, (crop.left + crop.width) / width, (crop.top + crop.height) / height
 
 
 class Drag(NamedTuple):
@@ -99,7 +87,7 @@ class Reshaping:
         frame, crop = view.full_frame
 
         def stream() -> Iterator[VisibleParts | None]:
-            regions = self._jobs.backend.part_map(request.instance, crop.camera, frame, shown_box(crop))
+            regions = self._jobs.backend.part_map(request.instance, crop.camera, frame, crop.box)
             yield None
             highlights = {}
             for part in {handle.part for handle in regions.handles}:
@@ -145,11 +133,7 @@ class Reshaping:
             self.follow(f"size {name}", lambda instance, to: resized(instance, natural, name, to), length)
 
     def drag_handle(self, handle: Handle, drag: Place) -> None:
-        """Resize the object as a part's handle is dragged, as :meth:`drag_length` once its direction is known.
-
-        Args:
-            drag: right and down, fractions of the view's shorter side.
-        """
+        """Resize the object as a part's handle is dragged right and down, by fractions of the view's shorter side."""
         request = self._viewport.request
         pixels = drag[0] * request.full, drag[1] * request.full
         natural = self.bounds

@@ -101,7 +101,7 @@ def entries(context: PanelContext) -> Iterator[Entry]:
         yield Entry(mode.capitalize(), "view mode", partial(session.viewport.change, mode=mode))
     objects = session.editor.objects
     families = (objects.families[model.fingerprint] for model in session.models)
-    added = (name for name in objects.own if not session.editor.is_missing(name))
+    added = (name for name in objects.own if not session.editor.objects.is_missing(name))
     listed = [*added, *chain.from_iterable(families)]
     names = {session.names.label(name): name for name in reversed(listed)}
     for words, name in names.items():

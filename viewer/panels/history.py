@@ -104,7 +104,7 @@ class HistoryStrip:
         imgui.set_cursor_screen_pos(low)
         if not imgui.is_rect_visible((side, side)):  # hundreds of states cost nothing while scrolled away
             imgui.dummy((side, side))
-        elif not context.session.editor.can_show(state):
+        elif not context.session.editor.objects.can_show(state):
             missing_tiles.draw_state(context, state, tile.words, tile.name, side)
         else:
             if object_tiles.tile_button(tile.name, (side, side)) and not is_current:

@@ -148,7 +148,7 @@ class LibraryPanel(Panel):
             waiting_tiles.draw(context, tile, corner, size)
             paint_caption(context, tile.history.name, below, size.x)
             return
-        if isinstance(tile, str) and context.session.editor.is_missing(tile):
+        if isinstance(tile, str) and context.session.editor.objects.is_missing(tile):
             missing_tiles.draw_object(context, tile, corner, size)
             paint_caption(context, tile, below, size.x)
             return
@@ -198,7 +198,7 @@ def _range(low: float, high: float, step: float, count: int) -> range:
 def _versions(context: PanelContext, tile: Tile) -> list[Version]:
     """Return the versions of an object that was edited; none for any other tile."""
     editor = context.session.editor
-    if not isinstance(tile, str) or not editor.objects.is_added(tile) or editor.is_missing(tile):
+    if not isinstance(tile, str) or not editor.objects.is_added(tile) or editor.objects.is_missing(tile):
         return []
     states = [state for state in editor.objects.states(tile) if not state.is_missing]
     return [Version(tile, state, number) for number, state in enumerate(states)] if len(states) > 1 else []

@@ -10,6 +10,7 @@ import torch
 from core.models.model import Instance, Model
 from core.runtime.numbers import abbreviated
 from viewer.values.printable import printable
+from viewer.values.state import State
 from viewer.values.variety import families
 
 _LONGEST_NAME = 200  # characters
@@ -104,6 +105,18 @@ class ObjectLibrary:
     def __contains__(self, name: object) -> bool:
         return name in self._added or name in self._trained
 
+    def is_missing(self, name: str) -> bool:
+        """Return whether an object cannot be shown because its model is missing."""
+        return any(instance.is_missing for instance in self[name].ends)
+
+    def can_show(self, state: State) -> bool:
+        """Return whether a state's model is open and its objects are here, all of that model."""
+        model = state.scene.instance.fingerprint
+        return not state.scene.instance.is_missing and all(
+            name in self and self[name].instance.fingerprint == model and not self.is_missing(name)
+            for name in state.mix.names
+        )
+
     def is_added(self, name: str) -> bool:
         """Return whether an object was fitted or opened: it keeps its edits, and has versions."""
         return name in self._added
@@ -153,17 +166,14 @@ class ObjectLibrary:
         root = self[self.root(name)]
         return self.add(replace(self[name].left_as(instance), name=root.name, version_of=root.key, key=""))
 
-    def name_here(self, name: str, model: str) -> str | None:
+    def name_here(self, name: str, fingerprint: str) -> str | None:
         """Return the name here of a model's object with this name in another session; None if there is none.
 
         The names differ if objects of two models share a name, as one of them gets a number.
-
-        Args:
-            model: the model's fingerprint.
         """
-        if name in self and self[name].instance.fingerprint == model:
+        if name in self and self[name].instance.fingerprint == fingerprint:
             return name
-        return self._names.get(model, {}).get(re.sub(r" \(\d+\)$", "", name))
+        return self._names.get(fingerprint, {}).get(re.sub(r" \(\d+\)$", "", name))
 
     def families_of(self, name: str) -> dict[str, tuple[str, ...]]:
         """Return the families (:attr:`families`) of an object's model; none for an added object."""

@@ -24,11 +24,7 @@ def home(model: Model) -> Camera:
 
 
 def dragged(camera: Camera, across: float, down: float) -> Camera:
-    """Return the camera after a drag, of which one across the whole view is half a turn.
-
-    Args:
-        across, down: motion of the mouse as fractions of the view's size.
-    """
+    """Return the camera after a drag by fractions of the view's size; one across the whole view is half a turn."""
     return turned(camera, -math.pi * across, math.pi * down)
 
 
@@ -111,6 +107,13 @@ class PanelCrop:
     height: int  # px shown
     left: int = 0  # px to the left of the shown part
     top: int = 0  # px above the shown part
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Left, top, right and bottom of the shown part, as fractions of the whole image's width and height."""
+        width = self.camera.width
+        height = self.camera.height
+        return self.left / width, self.top / height, (self.left + self.width) / width, (self.top + self.height) / height
 
     def cropped(self, frame: Frame) -> Frame:
         """Crop a frame of the whole image, at any resolution, to the shown part."""

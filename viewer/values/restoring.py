@@ -12,20 +12,6 @@ from viewer.values.project import Project
 from viewer.values.state import Mix, Pair, State
 
 
-def is_missing(name: str, objects: ObjectLibrary) -> bool:
-    """Return whether an object cannot be shown because its model is missing."""
-    return any(instance.is_missing for instance in objects[name].ends)
-
-
-def can_show(state: State, objects: ObjectLibrary) -> bool:
-    """Return whether a state's model is open and its objects are here, all of that model."""
-    model = state.scene.instance.fingerprint
-    return not state.scene.instance.is_missing and all(
-        name in objects and objects[name].instance.fingerprint == model and not is_missing(name, objects)
-        for name in state.mix.names
-    )
-
-
 def first_mix(objects: ObjectLibrary, model: Model) -> Mix:
     """Return the mix of a model's first two objects, without any of the second."""
     forms = objects.families[model.fingerprint]
@@ -55,7 +41,7 @@ def restored(
         if saved.unedited:
             objects.leave(here.name, saved.instance)
     keys = {item.key: objects[names[item.name]].key for item in project.objects}
-    nearest = next((number for number in history.nearest if can_show(history.steps[number].state, objects)), None)
+    nearest = next((number for number in history.nearest if objects.can_show(history.steps[number].state)), None)
     if nearest is None:
         return History.of(replace(current_state, removed=history.now.removed)).after(history), keys
     return history.at(nearest), keys

@@ -133,7 +133,7 @@ def _draw_glow(context: PanelContext, visible: VisibleParts, handle: Handle, cor
     assert context.images
     draw = imgui.get_window_draw_list()
     texture = context.images.texture(visible.highlights[handle.part], context.palette)
-    left, top, right, bottom = visible.box
+    left, top, right, bottom = visible.crop.box
     draw.channels_set_current(0)
     draw.add_image(texture, corner, corner + size, (left, top), (right, bottom))
     draw.channels_set_current(1)
