@@ -61,7 +61,7 @@ def _run(args: argparse.Namespace, folder: Path | None = None, instance: SingleI
         session = begin_session() if headless else Splash(begin_session).run()
         # Imported late, so that `--help`, a wrong argument and the splash appear before torch is loaded.
         from viewer.app import App
-        from viewer.screenshot import Screenshot
+        from viewer.screenshot import save_screenshot
         from viewer.services.messages import OK, MessageKind
 
         app = App(session, args.size, folder, headless, instance=instance)
@@ -73,7 +73,7 @@ def _run(args: argparse.Namespace, folder: Path | None = None, instance: SingleI
         if args.image:
             app.context.fit(args.image)
         if headless:
-            Screenshot(app, _LONGEST).save(args.screenshot)
+            save_screenshot(app, args.screenshot, _LONGEST)
         else:
             app.run()
     finally:

@@ -13,30 +13,24 @@ _SETTLED = 5  # idle frames after which the layout is stable
 _FOR_THUMBNAILS = 20.0  # s to wait for thumbnails and other small jobs, of which there may be hundreds
 
 
-class Screenshot:
-    """Runs a window until all work is done, then ends it and saves its image."""
+def save_screenshot(app: App, path: Path, longest: float) -> None:
+    """Run a window until all work is done, at most ``longest`` seconds, then end it and write its image."""
+    jobs = app.session.jobs
+    until = time.monotonic() + longest
+    last_busy = 0.0  # s on the monotonic clock of the last frame with a running render or fit
+    still = 0  # frames since
 
-    def __init__(self, app: App, longest: float) -> None:
-        """Prepare to end ``app`` after ``longest`` seconds at most."""
-        self._app = app
-        self._until = time.monotonic() + longest
-        self._busy = 0.0  # s on the monotonic clock of the last frame with a running render or fit
-        self._still = 0  # frames since
-        app.each_frame = self._check
-        app.params.fps_idling.fps_max = _RATE
+    def check() -> None:
+        nonlocal last_busy, still
+        if jobs.busy("view", "fit"):
+            last_busy = time.monotonic()
+            still = 0
+        elif not jobs.busy() or time.monotonic() - last_busy > _FOR_THUMBNAILS:
+            still += 1
+        if still > _SETTLED or time.monotonic() > until:
+            app.context.quit()
 
-    def save(self, path: Path) -> None:
-        """Run the window to its end and write its image."""
-        self._app.run()
-        Image.fromarray(hello_imgui.final_app_window_screenshot()[..., :3]).save(path)
-
-    def _check(self) -> None:
-        session = self._app.session
-        now = time.monotonic()
-        if session.jobs.busy("view", "fit"):
-            self._busy = now
-            self._still = 0
-        elif not session.jobs.busy() or now - self._busy > _FOR_THUMBNAILS:
-            self._still += 1
-        if self._still > _SETTLED or now > self._until:
-            self._app.context.quit()
+    app.each_frame = check
+    app.params.fps_idling.fps_max = _RATE
+    app.run()
+    Image.fromarray(hello_imgui.final_app_window_screenshot()[..., :3]).save(path)

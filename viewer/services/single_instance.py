@@ -10,6 +10,7 @@ import re
 import secrets
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -39,11 +40,11 @@ class SingleInstance:
 
     def starts(self) -> Iterator[Start]:
         """Yield and remove the second starts since the last call; none after :meth:`end`."""
-        for path in () if self._ends else _waiting(self._folder):
+        for path in () if self._ends else sorted(self._folder.glob("[!.]*.json")):
             text = path.read_text()
             path.unlink()
-            if start := _start(text):
-                yield start
+            with suppress(ValueError, TypeError):  # another program's file
+                yield Start(**json.loads(text))
 
     def end(self) -> None:
         """Accept no more second starts: they wait and open their own window after :meth:`close`."""
@@ -80,18 +81,6 @@ def begin(folder: Path, start: Start, display: str | None = None) -> SingleInsta
     finally:
         wish.unlink(missing_ok=True)
     raise TimeoutError("a window is open already, but does not answer")
-
-
-def _start(text: str) -> Start | None:
-    """Parse a second start; None for another program's file."""
-    try:
-        return Start(**json.loads(text))
-    except (ValueError, TypeError):
-        return None
-
-
-def _waiting(folder: Path) -> list[Path]:
-    return sorted(folder.glob("[!.]*.json"))
 
 
 def _is_free(lock: FileLock) -> bool:
