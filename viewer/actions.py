@@ -73,10 +73,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("sample", "Random", "R", "a random shape and texture"),
         Action("reset", "Reset", "", "the object without its edits"),
         Gesture("Hover over a slider", "see the result, and the pixels that change"),
-        Gesture(
-            "Size",
-            "drag or type width, depth, height, legs or roof in cm; a button shows a box to drag",
-        ),
+        Gesture("Size", "drag or type width, depth, height, legs or roof in cm; a button shows a box to drag"),
         Gesture("Ctrl+click", "type a value"),
     ),
     "History": (

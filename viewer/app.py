@@ -184,11 +184,7 @@ class App:
 
     @staticmethod
     def _splits(width: float, height: float) -> list[hello_imgui.DockingSplit]:
-        """Return the layout: the library left or, in a narrow window, below; the inspector right.
-
-        Args:
-            width, height: size of the window, px at 96 ppi.
-        """
+        """Return the layout at a size in px at 96 ppi: the library left or, if narrow, below; the inspector right."""
         dirs = imgui.Dir
         right, left = (max(min_width, fraction * width) for min_width, fraction in (_INSPECTOR, _LIBRARY))
         library = (dirs.down, _STRIP / height) if width < _NARROW else (dirs.left, left / (width - right))

@@ -151,11 +151,9 @@ class Session:
     # Models and their objects
 
     def open_model(self, name: str, expected: str = "", show: Callable[[], None] | None = None) -> None:
-        """Open a model by its shipped name or path in the background, then show its first object.
+        """Open a model by its shipped name or path in the background, then ``show`` it: by default its first object.
 
-        Args:
-            expected: fingerprint of the missing model that it should be; empty for any model.
-            show: shows something else than the first object.
+        ``expected`` is the fingerprint of the missing model that it should be; empty for any model.
         """
         load = self.jobs.backend.load_model
 
@@ -319,11 +317,7 @@ class Session:
         return (*named, *fits, *self.editor.objects.ever_added)
 
     def _restore(self, project: Project, folder: Path | None = None) -> Project:
-        """Take a project's objects, undo history and fits, report missing models, and return it with its models.
-
-        Args:
-            folder: folder of the project's file.
-        """
+        """Take a project's objects, undo history and fits, report missing models, and return it with its models."""
         project = project.adopted(self.models, folder)
         self._add_models()
         keys = self.editor.restore(project)
@@ -386,14 +380,6 @@ class Session:
         """Set everything aside, and begin anew or with a project; photos that wait go on waiting."""
         unfinished = self.fitting.unfinished
         waiting = self._waiting
-        self._end()
-        if project:
-            self._restore(project, folder)
-        self._waiting = (*self._waiting, *waiting)
-        self.fitting.take_over(unfinished)
-
-    def _end(self) -> None:
-        """Make the project, without the photos that wait, an earlier session, and begin an empty one."""
         self.editor.end_gesture()
         self.close()
         self._waiting = ()
@@ -401,3 +387,7 @@ class Session:
         self.project_path = None
         self._begin(self.editor.model, self.viewport.settings)
         self.viewport.begin()
+        if project:
+            self._restore(project, folder)
+        self._waiting = (*self._waiting, *waiting)
+        self.fitting.take_over(unfinished)

@@ -17,11 +17,7 @@ class Answers:
         self._copies = copies
 
     def answer(self, question: Question, model: str = "") -> None:
-        """Fit a photo in question with its cut-out.
-
-        Args:
-            model: the model's fingerprint; empty takes the question's.
-        """
+        """Fit a photo in question with its cut-out; an empty ``model`` (fingerprint) takes the question's."""
         history = question.request.history
         model = model or question.model
         photos = history.photos if model == history.model else ()

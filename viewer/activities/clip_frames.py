@@ -1,6 +1,6 @@
 """Frames of a video as the photos of a fit."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from viewer.services.backend import Backend
 from viewer.values.cut_out_preview import CutOutPreview
 from viewer.values.fit_history import FitRequest, PhotoSource
 
-KeepImage = Callable[[PhotoSource, Image.Image], PhotoSource]
+KeepImage = Callable[[PhotoSource, Image.Image], PhotoSource]  # returns a photo whose copy is the image
 
 
 class ClipRequest(NamedTuple):
@@ -31,21 +31,20 @@ def is_of_clip(request: FitRequest, confirmed: Confirmed) -> bool:
     return any(is_clip(source.file) and source not in confirmed for source in unread)
 
 
-def read_frames(backend: Backend, request: FitRequest, keep_image: KeepImage) -> Iterator[float | ClipRequest]:
-    """Yield the read fraction of a request's video, 0..1, then the request of as many frames as an object keeps.
-
-    Args:
-        keep_image: returns the photo of a frame, whose copy is the image.
-    """
+def read_frames(
+    backend: Backend, request: FitRequest, keep_image: KeepImage
+) -> Generator[float | ClipRequest, None, ClipRequest]:
+    """Yield the read fraction of a request's video, 0..1, then, and as the result, a request of some of its frames."""
     source = request.history.sources[0]._replace(copy=None)
     cuts = yield from backend.clip(source.path)
     frames = _spread(cuts.frames)
     sources = tuple(keep_image(source, frame.image) for frame in frames)
-    previews = [CutOutPreview.of(frame.image, frame.cut) for frame in frames]
-    pairs = [(frame.cut, preview) for frame, preview in zip(frames, previews, strict=True)]
+    pairs = [(frame.cut, CutOutPreview.of(frame.image, frame.cut)) for frame in frames]
     confirmed = {frame_source: lambda pair=pair: pair for frame_source, pair in zip(sources, pairs, strict=True)}
     history = replace(request.history, sources=sources, photos=())
-    yield ClipRequest(request._replace(history=history, answered=len(sources)), confirmed, cuts.note)
+    clip = ClipRequest(request._replace(history=history, answered=len(sources)), confirmed, cuts.note)
+    yield clip
+    return clip
 
 
 def _spread(frames: tuple[FrameCut, ...]) -> list[FrameCut]:

@@ -26,11 +26,11 @@ class FitQueue:
 
         A failed fit is not shown before it was chosen, and no question after an object was, until its tile is.
         """
-        return next(filter(self._is_asked, self.questions), None)
-
-    def _is_asked(self, question: Question) -> bool:
-        hidden = question.is_failed or any(question.request is request for request in self.set_aside)
-        return not hidden or question.request is self.chosen
+        for question in self.questions:
+            hidden = question.is_failed or any(question.request is request for request in self.set_aside)
+            if not hidden or question.request is self.chosen:
+                return question
+        return None
 
     @property
     def pending(self) -> tuple[FitRequest, ...]:

@@ -23,16 +23,12 @@ class FitResults:
         editor.object_chosen.connect(self._forget_chosen)
 
     def add(self, fitted: EditableObject, camera: Camera) -> Ready:
-        """Add a result to the objects and return its name and camera.
-
-        Args:
-            camera: camera of its photo, at the size of the model's images.
-        """
+        """Add a result to the objects; return its name and its photo's camera, at the size of the model's images."""
         if self._viewport.following:
             turned = self._viewport.turned
             name = self._editor.add_and_show(fitted, self._editor.scene.camera if turned else camera)
             if not turned:
-                self._viewport.frame_result()
+                self._viewport.centre()
             return Ready(name, camera)
         name = self._editor.objects.add(fitted)
         self.unseen.add(name)
@@ -46,7 +42,7 @@ class FitResults:
         turned = not orbit.same_direction(view_camera, handed.camera)
         on_screen = self._editor.improve(name, better, view_camera if turned else camera)
         if on_screen and differs and not turned:
-            self._viewport.frame_result()
+            self._viewport.centre()
         if differs and not on_screen and name not in self._editor.objects.removed:
             self.unseen.add(name)
         return rotation_error(handed.camera, camera) > _ANOTHER_VIEWPOINT

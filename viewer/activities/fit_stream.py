@@ -24,6 +24,7 @@ from viewer.values.fit_history import FitRequest, FittedPhoto, PhotoSource, Ques
 
 Confirmed = Mapping[PhotoSource, Callable[[], tuple[CutOut, CutOutPreview]]]
 """Cut-outs that a person has confirmed; their photos are not read again."""
+FitValue = Model | Question | CutOutPreview | FittedPhoto | FitStep  # what a fit yields
 _RESUMED_SHARE = 3  # divisor of a resumed fit's steps, as it needs no search
 
 
@@ -41,7 +42,7 @@ class FitOptions:
 
 def fit_stream(
     jobs: Jobs, here: Model, request: FitRequest, settings: FitSettings, confirmed: Confirmed
-) -> Iterator[Model | Question | CutOutPreview | FittedPhoto | FitStep | None]:
+) -> Iterator[FitValue | None]:
     """Yield each new photo's cut-out and photo, the model unless the request names one, then the steps.
 
     A :class:`Question` about the next photo ends the stream; None marks progress. ``here``, the model on screen, is for

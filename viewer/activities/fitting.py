@@ -1,5 +1,6 @@
 """The running fit, the queue of fits, and the questions about photos."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ from core.photos.clip import is_clip
 from viewer.activities.clip_frames import ClipRequest, is_of_clip, read_frames
 from viewer.activities.fit_queue import FitQueue
 from viewer.activities.fit_results import FitResults
-from viewer.activities.fit_stream import Confirmed, FitOptions, fit_stream
+from viewer.activities.fit_stream import Confirmed, FitOptions, FitValue, fit_stream
 from viewer.activities.fit_view import FitView
 from viewer.activities.photo_offers import PhotoOffers, describe
 from viewer.activities.viewport import Viewport
@@ -164,11 +165,9 @@ class Fitting:
 
     def fit_each(self, sources: tuple[PhotoSource, ...]) -> None:
         """Fit an object to each photo, one after the other."""
-        first, *later = sources
-        self.fit(first)
-        requests = tuple(FitRequest(FitHistory((source,))) for source in later)
-        self.waiting = self.waiting.without_questions(tuple(later)).joined(FitQueue(requests))
-        if later:
+        for source in sources:
+            self.fit(source)
+        if len(sources) > 1:
             text = f"{len(sources)} photos show an object each: they are fitted one after the other"
             self._jobs.messages.notify(text, MessageKind.NOTE)
 
@@ -208,11 +207,7 @@ class Fitting:
             self._next()
 
     def refit(self, model: Model | None = None) -> None:
-        """Fit the photos of the object in the view again, from the beginning.
-
-        Args:
-            model: None keeps the model of the last fit.
-        """
+        """Fit the photos of the object in the view again, from the beginning; None keeps the model of the last fit."""
         history = replace(self.shown, photos=(), model=model.fingerprint) if model else self.shown
         self.begin(FitRequest(replace(history, steps=()), answered=len(history.sources)))
 
@@ -287,38 +282,28 @@ class Fitting:
         if follow:
             self.waiting = replace(self.waiting, chosen=None)
             self._viewport.follow()
-        self._submit(request)
-
-    def _submit(self, request: FitRequest) -> None:
-        """Read the video of a request or, of photos, run the fit."""
-        if is_of_clip(request, self.waiting.confirmed):
-            frames = partial(read_frames, self._jobs.backend, request, self._copies.keep)
-            self._jobs.submit(Job("fit", frames, self._receive_frames, self._read, weight=FIT_WEIGHT))
-            return
-        settings = self.options.settings(request.refines)
-        stream = partial(fit_stream, self._jobs, self._editor.model, request, settings, self.waiting.confirmed)
+        stream = partial(self._stream, request, self._editor.model, self.waiting.confirmed)
         self._jobs.submit(Job("fit", stream, self._receive, self._ended, weight=FIT_WEIGHT))
 
-    def _receive_frames(self, value: float | ClipRequest) -> None:
-        if not isinstance(value, ClipRequest):
+    def _stream(
+        self, request: FitRequest, here: Model, confirmed: Confirmed
+    ) -> Iterator[float | ClipRequest | FitValue | None]:
+        """Read the video of a request, if it is of one, then fit the photos."""
+        if is_of_clip(request, confirmed):
+            request, confirmed, _ = yield from read_frames(self._jobs.backend, request, self._copies.keep)
+        yield from fit_stream(self._jobs, here, request, self.options.settings(request.refines), confirmed)
+
+    def _receive(self, value: float | ClipRequest | FitValue) -> None:
+        if isinstance(value, float):
             self.view.read_fraction = value
-            return
-        self.request = value.request
-        self.view.show(value.request.history)
-        self.waiting = replace(self.waiting, confirmed={**self.waiting.confirmed, **value.confirmed})
-        if value.note:
-            name = value.request.history.sources[0].name
-            self._jobs.messages.notify(f"{name}: {value.note}", MessageKind.NOTE)
-
-    def _read(self, error: Exception | None) -> None:
-        """Fit the frames of a video that was read."""
-        if error or self.request is None:
-            self._ended(error)
-        else:
-            self._submit(self.request)
-
-    def _receive(self, value: Model | Question | CutOutPreview | FittedPhoto | FitStep) -> None:
-        if isinstance(value, Model):
+        elif isinstance(value, ClipRequest):
+            self.request = value.request
+            self.view.show(value.request.history)
+            self.waiting = replace(self.waiting, confirmed={**self.waiting.confirmed, **value.confirmed})
+            if value.note:
+                name = value.request.history.sources[0].name
+                self._jobs.messages.notify(f"{name}: {value.note}", MessageKind.NOTE)
+        elif isinstance(value, Model):
             self.view.history = replace(self.history, model=value.fingerprint)
         elif isinstance(value, Question):
             self._ask(value)

@@ -11,11 +11,7 @@ _MAX_CHANGE = 2.0  # of the rate by one frame, so that one disturbance does not 
 
 
 class FrameBudget:
-    """Chooses the size of the first frame by the rays per second of earlier ones.
-
-    Args:
-        rate: rays per second before any was measured.
-    """
+    """Chooses the size of the first frame by the rays per second of earlier ones, ``rate`` before any was measured."""
 
     def __init__(self, rate: float = 150_000.0) -> None:
         self.rate = rate

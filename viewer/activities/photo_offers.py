@@ -47,11 +47,7 @@ class PhotoOffers:
         self._closed = True
 
     def fit_otherwise(self, sources: tuple[PhotoSource, ...], finished: FitHistory, note: str) -> None:
-        """Offer an object for each of the photos, or another photo of the finished object shown.
-
-        Args:
-            note: words about files that are no photos, for the same message.
-        """
+        """Offer an object for each photo, or another photo of the finished object shown; ``note`` joins the message."""
         name = finished.name
         if len(sources) > 1:
             text = f"{len(sources)} photos are fitted as one object"

@@ -50,11 +50,7 @@ class Recording:
         return len(state) == len(self._written) and all(map(operator.is_, state, self._written))
 
     def tick(self, at_rest: bool) -> None:
-        """Begin to write changes; call once a frame.
-
-        Args:
-            at_rest: no drag is in progress.
-        """
+        """Begin to write changes if no drag is in progress (``at_rest``); call once a frame."""
         self._report()
         if time.monotonic() - self._beaten >= BEAT:
             self._beaten = time.monotonic()

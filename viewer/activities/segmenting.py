@@ -53,11 +53,7 @@ class Segmenting:
         self._image: Image.Image | None = None  # RGBA; None until it is read
 
     def open(self, sources: tuple[PhotoSource, ...], index: int, model: str = "") -> None:
-        """Open one of the photos of an object, with its hints.
-
-        Args:
-            model: fingerprint of the model to fit; empty chooses by the first photo's category.
-        """
+        """Open one of an object's photos, with its hints; an empty ``model`` follows the first photo's category."""
         self.close()
         self._model = model
         source = sources[index]

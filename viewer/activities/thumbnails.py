@@ -100,11 +100,7 @@ class Thumbnails:
         return self._get(_key(instance, camera, samples), instance)
 
     def get(self, instance: Instance, camera: Camera, soon: bool = False) -> Frame | None:
-        """Return the thumbnail at the camera's size, or None until it is rendered; call in every frame that shows it.
-
-        Args:
-            soon: render before other requests.
-        """
+        """Return the thumbnail at the camera's size; None until it is rendered, first if ``soon``. Call each frame."""
         return self._get(_key(instance, camera, _SAMPLES), instance, soon)
 
     def _get(self, key: _Key, instance: Instance, soon: bool = False) -> Frame | None:

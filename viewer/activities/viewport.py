@@ -110,15 +110,14 @@ class Viewport:
 
     def reset_view(self) -> None:
         """Return to the object's first view, that of its photo or the model's, centred and framed."""
-        self.change(pan=(0.0, 0.0))
         detail = self._editor.scene.instance.detail
         model = self._editor.model
         first = orbit.photo_camera(detail.views[0].camera, model) if detail else orbit.home(model)
         self._editor.set_camera(first)
-        self.framing.frame(self.settings.panel)
+        self.centre()
 
-    def frame_result(self) -> None:
-        """Show a fit's result centred and framed."""
+    def centre(self) -> None:
+        """Centre and frame the object."""
         self.change(pan=(0.0, 0.0))
         self.framing.frame(self.settings.panel)
 
@@ -130,7 +129,9 @@ class Viewport:
         request = self.request
         if self.is_baked(request.instance):
             self._jobs.cancel("view")
-            self._show_baked(request)
+            self.baked_frame = request.crop(request.full)
+            self._stretch_baked()
+            self._last_orbit = time.monotonic()
             return
         self.baked_frame = None
         if self._baked_of not in (None, request.instance.unstretched):
@@ -159,12 +160,6 @@ class Viewport:
     def is_baked(self, instance: Instance) -> bool:
         """Return whether OpenGL can draw an object now."""
         return self.settings.baked and self.baked is not None and instance.unstretched == self._baked_of
-
-    def _show_baked(self, request: ViewRequest) -> None:
-        self.baked_frame = request.crop(request.full)
-        self.sharp = False
-        self._stretch_baked()
-        self._last_orbit = time.monotonic()
 
     def _stretch_baked(self) -> None:
         """Give the baked object the size of the shown one."""
@@ -260,11 +255,7 @@ class Viewport:
     # Rendering
 
     def _submit(self, request: ViewRequest, detail: int, urgent: bool = False) -> None:
-        """Submit a render with ``detail`` px along the view's shorter side.
-
-        Args:
-            urgent: a preview, from coarse to fine, before all other jobs.
-        """
+        """Submit a render of ``detail`` px along the shorter side; an urgent one is a preview, from coarse to fine."""
         crop = request.crop(detail)
         stages = self.budget.divisors(crop.camera) if urgent else (1,)
         render = RenderSettings(request.settings.samples, stages)

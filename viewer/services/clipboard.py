@@ -24,10 +24,7 @@ class Clipboard:
         self._folder = folder or Path(tempfile.gettempdir()) / "codenerf-viewer"
 
     def images(self, text: str) -> Iterator[tuple[Path, ...]]:
-        """Yield the clipboard's image files, all at once. Run as a job: reading may start a program.
-
-        Args:
-            text: the clipboard's text, which may name files.
+        """Yield the clipboard's image files, all at once, or those that its text names; reading may start a program.
 
         Raises ``ValueError`` if there is no image.
         """

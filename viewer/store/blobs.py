@@ -33,11 +33,7 @@ class Blobs:
         """Numbers of values in memory. Another window may delete their contents, after which nothing is known."""
 
     def add(self, content: bytes | str, parts: Iterable[int] = ()) -> int:
-        """Store a content unless it is there, and return its number.
-
-        Args:
-            parts: numbers of the contents that it refers to.
-        """
+        """Store a content unless it is there, with the numbers of the contents that it refers to; return its number."""
         digest = digest_of(content)
         if (number := self.find(digest)) is not None:
             return number

@@ -61,11 +61,7 @@ class Encoder:
         self.parts = set[int]()  # numbers of the contents that the JSON refers to
 
     def encode(self, value: Any, whole: bool = False) -> Any:
-        """Encode a value.
-
-        Args:
-            whole: encode the value itself if its type is a shared one, not the number of its content.
-        """
+        """Encode a value; ``whole`` encodes one of a shared type itself, not the number of its content."""
         if isinstance(value, _SHARED) and not whole:
             return self._part(put(self._blobs, value))
         if isinstance(value, Tensor):
@@ -240,16 +236,11 @@ def encode_photo(photo: Photo) -> bytes:
     return file.getvalue()
 
 
-def decode_photo(file: bytes, most: int = _MAX_PHOTO, **beside: Any) -> Photo:
-    """Decode a photo, the inverse of :func:`encode_photo`. Raises ``ValueError`` for other files.
-
-    Args:
-        most: limit of the decoded pixels in bytes.
-        beside: the photo's other fields.
-    """
-    with reading("its photo", "an image"), open_image(io.BytesIO(file), limit=most) as image:
+def decode_photo(file: bytes, limit: int = _MAX_PHOTO, **fields: Any) -> Photo:
+    """Decode the file of :func:`encode_photo`. Raises ``ValueError`` for others, or above ``limit`` bytes of pixels."""
+    with reading("its photo", "an image"), open_image(io.BytesIO(file), limit=limit) as image:
         rgba = torch.from_numpy(np.array(image.convert("RGBA")))
-        return Photo(rgba[..., :3].float() / 255, rgba[..., 3] > 127, **beside)
+        return Photo(rgba[..., :3].float() / 255, rgba[..., 3] > 127, **fields)
 
 
 @cache

@@ -125,13 +125,10 @@ class SessionRows:
         ends = (put(self._blobs, item.instance), item.unedited and put(self._blobs, item.unedited))
         root = int(item.version_of) if item.version_of else None
         values = int(item.key), item.name, root, item.fitted, item.confidence, *ends, is_mine
-        self._connection.execute(
-            "INSERT INTO objects (key, name, version_of, fitted, confidence, codes, unedited, mine)"
-            " VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET name = excluded.name,"
-            " version_of = excluded.version_of, fitted = excluded.fitted, confidence = excluded.confidence,"
-            " codes = excluded.codes, unedited = excluded.unedited, mine = excluded.mine",
-            values,
-        )
+        columns = "key", "name", "version_of", "fitted", "confidence", "codes", "unedited", "mine"
+        changes = ", ".join(f"{column} = excluded.{column}" for column in columns[1:])
+        insertion = f"INSERT INTO objects ({', '.join(columns)}) VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
+        self._connection.execute(f"{insertion} ON CONFLICT (key) DO UPDATE SET {changes}", values)
 
     def _write_steps(self, project: Project) -> None:
         """Write the steps that differ, objects in them by their keys, as other sessions may rename them."""

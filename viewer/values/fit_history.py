@@ -106,10 +106,9 @@ class FitHistory:
 
     def stopped(self) -> FitHistory:
         """Return the history of a stopped fit: its last step has photo detail, as only full fits end with it."""
-        last = self.last
-        if last is None or last.instance.detail or not last.hypotheses or not self.can_resume(last.hypotheses[0]):
+        if self.last is None or self.last.instance.detail or self.resume_point is None:
             return self
-        detailed = with_photo_detail([fitted.photo for fitted in self.photos], last)
+        detailed = with_photo_detail([fitted.photo for fitted in self.photos], self.last)
         return replace(self, steps=(*self.steps[:-1], detailed))
 
     def can_resume(self, hypothesis: Hypothesis) -> bool:

@@ -42,11 +42,7 @@ class Project:
         return not (len(self.history.steps) > 1 or self.pending or self.members)
 
     def adopted(self, models: OpenModels, folder: Path | None = None) -> "Project":
-        """Return the project with objects of the models that are there; those that it needs are opened.
-
-        Args:
-            folder: folder of the project's file, in which models are found by name.
-        """
+        """Return the project with objects of the models that are there: in its file's folder by name, or by path."""
         for fingerprint, name in self.model_files.items():
             neighbour = folder and folder / Path(name).name
             models.expect(fingerprint, str(neighbour) if neighbour and neighbour.is_file() else name)

@@ -110,11 +110,7 @@ class ShareSettings:
         return MeshSettings(self.cells or None, metres, texture, self.triangles)
 
     def film_of(self, scene: Scene, partner: Instance | None) -> "ShareSettings":
-        """Return the settings with a film that the object can have: the first one if it cannot have the chosen one.
-
-        Args:
-            partner: see :meth:`views`.
-        """
+        """Return the settings with a film that the object can have: the first one if it cannot have the chosen one."""
         films = films_of(scene, partner)
         return self if self.kind not in FILMS or self.kind in films else replace(self, kind=films[0])
 

@@ -59,11 +59,7 @@ def readable(name: str) -> str:
 
 
 def families(names: Sequence[str], codes: Float[Tensor, "names latent"]) -> dict[str, tuple[str, ...]]:
-    """Return each form's first object and its variants, the most different forms first.
-
-    Args:
-        codes: shape codes of the objects, by which forms are compared.
-    """
+    """Return each form's first object and its variants, the forms with the most different shape codes first."""
     members: dict[str, list[int]] = {}
     for index, name in enumerate(names):
         members.setdefault(family(name), []).append(index)

@@ -22,11 +22,7 @@ SOURCE_COLOURS = {
 
 
 def in_mode(frame: Frame, camera: Camera, mode: str) -> Frame:
-    """Return the frame with its image in a mode of :data:`MODES`; unchanged if it lacks the data.
-
-    Args:
-        camera: camera of the frame, at any size.
-    """
+    """Return the frame of a camera with its image in a mode of :data:`MODES`; unchanged if it lacks the data."""
     image = MODES[mode](frame, camera)
     if image is None:
         return frame
