@@ -107,7 +107,9 @@ class PanelContext:
 
     def fit_image(self) -> None:
         """Ask for an image and fit it."""
-        self.files.ask(FileRequest("Photo or video of one object", self.fit, (*IMAGE_SUFFIXES, *VIDEO_SUFFIXES)))
+        self.files.ask(
+            FileRequest("Photo or video of one object", self.fit, (*IMAGE_SUFFIXES, *VIDEO_SUFFIXES), several=True)
+        )
 
     def fit(self, *paths: Path) -> None:
         """Fit images of one object, show the progress, and list the images among the recent files."""
@@ -130,7 +132,8 @@ class PanelContext:
     def open_file(self) -> None:
         """Ask for a file and open it as if it were dropped."""
         kinds = (*PROJECTS, ".json", *IMAGE_SUFFIXES, *VIDEO_SUFFIXES, *MODELS)
-        self.files.ask(FileRequest("Photo, project or model to open", lambda path: self.drop([str(path)]), kinds))
+        title = "Photo, project or model to open"
+        self.files.ask(FileRequest(title, lambda *paths: self.drop(list(map(str, paths))), kinds, several=True))
 
     def load(self, path: Path) -> None:
         """Open a project, a model, a scene or an image of a scene, and list the file as recent."""

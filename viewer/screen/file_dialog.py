@@ -7,13 +7,15 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from imgui_bundle import hello_imgui, imgui
 from imgui_bundle import portable_file_dialogs as dialogs
 
+from core.fitting.problem import MOST_PHOTOS
+from core.photos.decode import IMAGE_SUFFIXES
 from viewer.screen.dialog_programs import ProgramDialog, command, installed_program
 from viewer.values.printable import as_label, printable
 
@@ -43,10 +45,11 @@ class FileRequest:
     """A request for a file to open or save."""
 
     title: str
-    answer: Callable[[Path], None]  # called with the chosen path
+    answer: Callable[..., None]  # called with the chosen path or paths
     suffixes: tuple[str, ...]  # endings of the files to choose from
     save: bool = False
     name: str = ""  # proposed file name
+    several: bool = False  # several files can be chosen
 
     def path(self, typed: str) -> Path:
         """Return typed text as a path; a file to save gets the proposed ending if it has none."""
@@ -66,17 +69,10 @@ def _expanded(typed: str) -> Path:
     return path
 
 
-def is_there(path: Path) -> bool:
-    """True if a file exists and is accessible."""
+def is_there(path: Path, test: Callable[[Path], bool] = Path.is_file) -> bool:
+    """True if a path is accessible and passes a test: by default, that it is a file."""
     with suppress(OSError, ValueError):
-        return path.is_file()
-    return False
-
-
-def is_taken(path: Path) -> bool:
-    """True if anything has this path."""
-    with suppress(OSError, ValueError):
-        return path.exists()
+        return test(path)
     return False
 
 
@@ -100,9 +96,7 @@ def _home() -> Path:
 def _downloads() -> Path:
     """Return the user's folder of downloads, where photos come from, or without one the home."""
     folder = _home() / "Downloads"
-    with suppress(OSError):
-        return folder if folder.is_dir() else folder.parent
-    return folder.parent
+    return folder if is_there(folder, Path.is_dir) else folder.parent
 
 
 def has_native() -> bool:
@@ -127,20 +121,20 @@ class FileDialog:
         self._fresh = False  # the input line opens in the next frame
         self._to_replace: Path | None = None  # existing file that "Replace" confirms
         self._list: tuple[Path, list[Path]] | None = None  # a folder, and its folders and files to choose from
+        self._chosen: list[Path] = []  # files chosen with Ctrl, in the order of the clicks
         self.folder = _downloads()  # of the last opened file
         self.saves = self.folder  # of the last saved file
 
     def save_in(self, folder: str) -> None:
         """Save in the folder of an earlier launch, if it is still there."""
-        with suppress(OSError, ValueError):
-            if folder and Path(folder).is_dir():
-                self.saves = Path(folder)
+        if folder and is_there(Path(folder), Path.is_dir):
+            self.saves = Path(folder)
 
     def unused(self, name: str) -> Path:
         """Return the path of a new file beside the last saved one, numbered if the name is taken."""
         path = self.saves / name
-        numbers = (path.with_stem(f"{path.stem}-{number}") for number in count(2))
-        return path if not is_taken(path) else next(numbered for numbered in numbers if not is_taken(numbered))
+        numbered = (path.with_stem(f"{path.stem}-{number}") for number in count(2))
+        return next(free for free in chain([path], numbered) if not is_there(free, Path.exists))
 
     @property
     def asking(self) -> bool:
@@ -179,6 +173,7 @@ class FileDialog:
         self._text = printable(request.start(folder))
         self._fresh = True
         self._to_replace = self._list = None
+        self._chosen = []
 
     def draw(self) -> None:
         """Poll the native dialog or draw the input line; call once a frame."""
@@ -221,7 +216,7 @@ class FileDialog:
         if request.save and answer and path != Path(answer) and is_there(path):
             self._show_native(replace(request, name=path.name), path.parent)
         else:
-            self._close(answer)
+            self._close(*[path] if answer else [])
 
     def _draw_line(self, request: FileRequest) -> None:
         if self._fresh:
@@ -236,30 +231,55 @@ class FileDialog:
             imgui.set_keyboard_focus_here()
             self._fresh = False
         imgui.set_next_item_width(-1)
-        entered, self._text = imgui.input_text("##path", self._text, imgui.InputTextFlags_.enter_returns_true)
+        entered, text = imgui.input_text("##path", self._text, imgui.InputTextFlags_.enter_returns_true)
+        self._chosen = self._chosen if text == self._text else []
+        self._text = text
         imgui.text_disabled(self._verdict(request))
         entered |= self._draw_list(request)
-        size = hello_imgui.em_to_vec2(6, 0)
-        asked = self._to_replace == request.path(self._text)
-        label = "Open" if not request.save else "Replace" if asked else "Save"
-        accepted = imgui.button(f"{label}###choose", size) or entered
-        if accepted and request.save and not asked and is_there(request.path(self._text)):
-            self._to_replace = request.path(self._text)
-            accepted = False
-        elif accepted and not request.save and not is_there(request.path(self._text)):
-            accepted = False
+        photos = self._photos_of_folder(request)
+        path = request.path(self._text)
+        files = f" its {len(photos)} photos" if photos else f" {len(self._chosen)} files" if self._chosen else ""
+        label = f"Open{files}" if not request.save else "Replace" if self._to_replace == path else "Save"
+        width = max(hello_imgui.em_size(6), imgui.calc_text_size(label).x + hello_imgui.em_size(1.5))
+        pressed = imgui.button(f"{label}###choose", (width, 0))
+        accepted = photos if pressed and photos else self._accepted(request) if pressed or entered else []
+        path_id = imgui.get_id("##path")
+        if entered and not accepted and (state := imgui.internal.get_input_text_state(path_id)):
+            imgui.internal.set_active_id(path_id, imgui.internal.get_current_window())  # no key typed now is lost
+            state.reload_user_buf_and_move_to_end()
         imgui.same_line()
-        cancelled = imgui.button("Cancel", size) or imgui.is_key_pressed(imgui.Key.escape)
+        cancelled = imgui.button("Cancel", hello_imgui.em_to_vec2(6, 0)) or imgui.is_key_pressed(imgui.Key.escape)
         if accepted or cancelled:
             imgui.close_current_popup()
         imgui.end_popup()
         if accepted or cancelled:
-            self._close(self._text.strip() if accepted else "")
+            self._close(*accepted)
+
+    def _photos_of_folder(self, request: FileRequest) -> list[Path]:
+        """Return the photos of an entered folder, which open together; none if they are more than a fit takes."""
+        if self._list is None or self._chosen or not request.several or self._list[0] != _expanded(self._text):
+            return []
+        photos = sorted(path for path in self._list[1] if path.suffix.lower() in IMAGE_SUFFIXES)
+        return photos if len(photos) <= MOST_PHOTOS else []
+
+    def _accepted(self, request: FileRequest) -> list[Path]:
+        """Return the files that Enter opens or saves; none if it enters a folder, or asks before it replaces a file."""
+        path = request.path(self._text)
+        if self._chosen:
+            return self._chosen
+        # A format without an ending is a folder of frames.
+        if is_there(folder := _expanded(self._text), Path.is_dir) and (not request.save or Path(request.name).suffix):
+            self._text = printable(request.start(folder))
+            return []
+        if request.save and path != self._to_replace and is_there(path):
+            self._to_replace = path
+            return []
+        return [path] if request.save or is_there(path) else []
 
     def _draw_list(self, request: FileRequest) -> bool:
         """Draw the folder of the typed path, the newest first. Return whether a file was opened there.
 
-        A double click or Enter opens a file or a folder; a click chooses a file.
+        A double click or Enter opens a file or a folder; a click chooses it, and with Ctrl another file.
         """
         typed = _expanded(self._text)
         folder = typed if self._text.endswith(os.sep) else typed.parent
@@ -271,11 +291,18 @@ class FileDialog:
             for number, path in enumerate((folder.parent, *self._list[1])):
                 is_folder = not number or path.is_dir()
                 label = ".." if not number else f"{path.name}{os.sep if is_folder else ''}"
-                if imgui.selectable(f"{as_label(printable(label))}###file {number}", path == typed, flags)[0]:
+                is_chosen = path == typed or path in self._chosen
+                if imgui.selectable(f"{as_label(printable(label))}###file {number}", is_chosen, flags)[0]:
                     opens = imgui.is_mouse_double_clicked(0) or not imgui.is_mouse_released(0)  # or by the keyboard
-                    if opens or not is_folder:
-                        self._text = f"{path}{os.sep if is_folder else ''}"
-                    is_opened |= opens and not is_folder
+                    if request.several and imgui.get_io().key_ctrl and not is_folder:
+                        files = self._chosen or list(filter(is_there, [typed]))
+                        left = [file for file in files if file != path]
+                        self._chosen = left if path in files and left else [*left, path]
+                        self._text = str(self._chosen[-1])
+                    elif opens or number:
+                        self._chosen = []
+                        self._text = f"{path}{os.sep if is_folder and opens else ''}"
+                        is_opened |= opens and not is_folder
         imgui.end_child()
         return is_opened
 
@@ -284,20 +311,21 @@ class FileDialog:
         if request.save and is_there(path):
             return f"Replace {path.name}?" if path == self._to_replace else f"{path.name} is there"
         if request.save:
-            return " / ".join(request.suffixes)
-        return " / ".join(request.suffixes) if is_there(path) else "Type the path of a file"
+            return " / ".join(request.suffixes) if is_there(path.parent, Path.is_dir) else "No such folder"
+        if is_there(path, Path.is_dir):
+            return "Choose a file, or several with Ctrl" if request.several else "Choose a file, or type its path"
+        return "" if is_there(path) else "No such file"
 
-    def _close(self, answer: str) -> None:
+    def _close(self, *paths: Path) -> None:
         request = self._request
         self._request = None
         self._dialog = None
-        if request and answer:
-            path = request.path(answer)
+        if request and paths:
             if request.save:
-                self.saves = path.parent
+                self.saves = paths[0].parent
             else:
-                self.folder = path.parent
-            request.answer(path)
+                self.folder = paths[0].parent
+            request.answer(*paths)
 
 
 def _open_native(request: FileRequest, folder: Path) -> NativeDialog:

@@ -70,21 +70,63 @@ def test_the_last_folder_is_taken_up_if_it_is_still_there(tmp_path: Path) -> Non
 
 
 @in_window()
-def test_a_folder_and_a_missing_file_are_no_answer(window: Driver, tmp_path: Path) -> None:
+def test_enter_opens_a_folder_and_typing_goes_on(window: Driver, tmp_path: Path) -> None:
     chosen = list[Path]()
     files = window.context.files
-    (tmp_path / "chair.png").touch()
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "chair.png").touch()
     files.ask(FileRequest("Photo", chosen.append, (".png",)))
-    for path in (tmp_path / "chairs.png", tmp_path):
-        window.ctx.yield_(3)
-        window.ctx.item_click("//Choose a file###ask/##path")
-        window.ctx.key_chars_replace_enter(str(path))
-        window.ctx.yield_(3)
-        assert files.asking and chosen == []
-    window.ctx.item_click("//Choose a file###ask/##path")
-    window.ctx.key_chars_replace_enter(str(tmp_path / "chair.png"))
     window.ctx.yield_(3)
-    assert chosen == [tmp_path / "chair.png"]
+    window.ctx.item_click("//Choose a file###ask/##path")
+    window.ctx.key_chars_replace_enter(str(tmp_path / "photos"))
+    window.ctx.yield_(3)
+    window.ctx.key_chars_append_enter("chair")  # is not there, and Enter keeps it
+    window.ctx.yield_(3)
+    assert files.asking and chosen == []
+    window.ctx.key_chars_append_enter(".png")
+    window.ctx.yield_(3)
+    assert chosen == [tmp_path / "photos" / "chair.png"]
+
+
+@in_window()
+def test_a_file_is_saved_in_a_typed_folder(window: Driver, tmp_path: Path) -> None:
+    saved = list[Path]()
+    files = window.context.files
+    files.ask(FileRequest("Save", saved.append, (".png",), True, "chair.png"))
+    window.ctx.yield_(3)
+    window.ctx.item_click("//Choose a file###ask/##path")
+    window.ctx.key_chars_replace_enter(str(tmp_path))
+    window.ctx.yield_(3)
+    assert saved == []
+    window.ctx.item_click("//Choose a file###ask/###choose")
+    window.ctx.yield_(3)
+    assert saved == [tmp_path / "chair.png"]
+
+
+@in_window()
+def test_several_files_are_chosen_with_ctrl_or_as_a_folder(window: Driver, tmp_path: Path) -> None:
+    chosen = list[tuple[Path, ...]]()
+    files = window.context.files
+    names = ("a.png", "b.png", "c.png")
+    for age, name in enumerate(names):
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (1e9 - age, 1e9 - age))
+    request = FileRequest("Photos", lambda *paths: chosen.append(paths), (".png",), several=True)
+    files.folder = tmp_path
+    files.ask(request)
+    window.ctx.yield_(3)
+    window.ctx.item_click("//Choose a file###ask/###choose")
+    window.ctx.yield_(3)
+    files.ask(request)
+    window.ctx.yield_(3)
+    window.ctx.item_click("//Choose a file###ask/**/###file 1")
+    window.ctx.key_down(imgui.Key.mod_ctrl)
+    for number in (2, 3, 1):  # the second click on the first file takes it out again
+        window.ctx.item_click(f"//Choose a file###ask/**/###file {number}")
+    window.ctx.key_up(imgui.Key.mod_ctrl)
+    window.ctx.item_click("//Choose a file###ask/###choose")
+    window.ctx.yield_(3)
+    assert [[path.name for path in paths] for paths in chosen] == [["a.png", "b.png", "c.png"], ["b.png", "c.png"]]
 
 
 @in_window()
