@@ -3,6 +3,7 @@ import os
 import shutil
 import sys
 import textwrap
+import time
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -10,10 +11,11 @@ from pathlib import Path
 import pytest
 from imgui_bundle import hello_imgui, imgui
 
-from tests.viewer.driver import Drive, Driver, in_window
+from tests.viewer.driver import Drive, Driver, in_window, tooltip
 from tests.viewer.stand_ins import blue_block, endless_fit, small_video
 from viewer import app
 from viewer.panels import all_panels
+from viewer.screen.file_dialog import FileRequest
 from viewer.screen.window import resize
 from viewer.services.backend import Backend
 from viewer.services.messages import UNFORESEEN
@@ -401,3 +403,20 @@ def test_the_front_panel_is_the_same_after_the_program_was_killed(drive: Drive, 
         drive(act, folder=tmp_path / folder)
         if act is first:
             drive(second, folder=tmp_path / folder)
+
+
+@in_window()
+def test_no_tooltip_opens_where_the_focus_returns_after_typing(window: Driver, tmp_path: Path) -> None:
+    (tmp_path / "a.txt").touch()
+    window.context.share("page")
+    window.ctx.yield_(5)
+    chosen = list[Path]()
+    window.context.files.ask(FileRequest("Words", chosen.append, (".txt",)))
+    window.ctx.yield_(5)
+    window.ctx.key_chars_replace_enter(str(tmp_path / "a.txt"))
+    window.wait(lambda: bool(chosen))
+    answered = time.monotonic()
+    window.wait(lambda: time.monotonic() > answered + 1.5)
+    assert tooltip(window) is None
+    window.press(imgui.Key.tab)
+    window.wait(lambda: tooltip(window) is not None)
