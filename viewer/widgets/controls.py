@@ -10,6 +10,7 @@ from viewer.context import PanelContext
 from viewer.screen.theme import Colour, emphasised, on
 from viewer.values.duration import duration
 from viewer.values.printable import as_label, printable
+from viewer.widgets.text import shortened
 
 T = TypeVar("T")
 OVERLAY_FLAGS = (
@@ -215,7 +216,9 @@ def draw_progress(context: PanelContext, *kinds: str, width: float = 0.0) -> boo
     name = printable(exporting.path.name)
     done = f"{exporting.progress:.0%}   {duration(left)} left" if left is not None else "Preparing …"
     moving = -float(imgui.get_time())  # which imgui draws as a bar that runs to and fro
-    imgui.progress_bar(exporting.progress or moving, (hello_imgui.em_size(width - 7), 0), f"{done}   {as_label(name)}")
+    bar = hello_imgui.em_size(width - 7)
+    room = (bar if width else imgui.get_content_region_avail().x + bar) - imgui.calc_text_size(f"{done}    ").x
+    imgui.progress_bar(exporting.progress or moving, (bar, 0), f"{done}   {as_label(shortened(name, room))}")
     tooltip(f"Saving {name}")
     imgui.same_line()
     if button("Cancel###cancel export", "Give it up; no half-written file stays"):
