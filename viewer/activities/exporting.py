@@ -14,6 +14,7 @@ from viewer.activities.names import Names
 from viewer.activities.share_preview import SharePreview
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
+from viewer.services.messages import MessageKind
 from viewer.services.worker import Job
 from viewer.values.share_settings import FILMS, ShareSettings
 
@@ -72,7 +73,7 @@ class Exporting:
         """Cancel the export; no partial file stays."""
         if self.path:
             self._jobs.cancel("export")
-            self._jobs.messages.notify(f"Cancelled: {self.path.name} was not written")
+            self._jobs.messages.notify(f"Cancelled: {self.path.name} was not written", MessageKind.NOTE)
             self.path = None
 
     def _mesh(self, scene: Scene, path: Path, settings: ShareSettings, variants: Variants) -> Iterator[float]:

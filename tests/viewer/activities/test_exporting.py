@@ -16,6 +16,7 @@ from core.models.model import Instance
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import Clock
 from viewer.editor import Editor
+from viewer.services.messages import MessageKind
 from viewer.session import Session
 from viewer.values.share_settings import ShareSettings
 
@@ -119,6 +120,12 @@ def test_a_picture_is_saved_on_white(session: Session, tmp_path: Path, name: str
         assert image.size == (48, 48)
         assert min(image.convert("RGB").getpixel((0, 0))) > 250  # type: ignore[arg-type, type-var]
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_cancelled_export_is_no_success(session: Session, tmp_path: Path) -> None:
+    session.exporting.share(tmp_path / "a.png", ShareSettings("picture", size=16))
+    session.exporting.cancel()
+    assert session.messages.all[-1].kind is MessageKind.NOTE
 
 
 def test_a_full_disk_is_reported(session: Session, editor: Editor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
