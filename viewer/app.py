@@ -209,7 +209,10 @@ class App:
     def _draw_bare(self, panel: Panel) -> None:
         """Draw a panel without a tab; the view without a scroll bar too: overlays must not change its size."""
         bare = imgui.WindowClass()
-        bare.dock_node_flags_override_set = imgui.DockNodeFlags_.auto_hide_tab_bar
+        docked = imgui.internal.find_window_by_name(panel.title)
+        is_shared = docked and docked.dock_node and len(docked.dock_node.windows) > 1
+        hidden = imgui.internal.DockNodeFlagsPrivate_.no_tab_bar  # and no triangle in the corner that shows it
+        bare.dock_node_flags_override_set = imgui.DockNodeFlags_.auto_hide_tab_bar if is_shared else hidden
         imgui.set_next_window_class(bare)
         fixed = (
             imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_nav_inputs

@@ -420,3 +420,17 @@ def test_no_tooltip_opens_where_the_focus_returns_after_typing(window: Driver, t
     assert tooltip(window) is None
     window.press(imgui.Key.tab)
     window.wait(lambda: tooltip(window) is not None)
+
+
+@in_window()
+def test_the_library_has_a_tab_only_beside_another_panel(window: Driver) -> None:
+    def node() -> imgui.internal.DockNode:
+        return imgui.internal.find_window_by_name("Library").dock_node
+
+    window.ctx.yield_(3)
+    assert node().is_no_tab_bar()
+    imgui.internal.dock_builder_dock_window("Sliders", node().id_)
+    window.ctx.yield_(5)
+    assert not node().is_no_tab_bar() and not node().is_hidden_tab_bar()
+    window.app._reset_layout()
+    window.wait(lambda: node().is_no_tab_bar())
