@@ -77,10 +77,11 @@ class LibraryPanel(Panel):
             imgui.set_scroll_x(0.0)
             imgui.set_scroll_y(0.0)
         self._waiting = len(waiting)
-        with_mine = self._filter in (_ALL, _MINE)
-        mine: list[Tile] = [*waiting, *session.editor.objects.own] if with_mine else [*waiting]
-        families = session.editor.objects.families
-        groups = {"Mine": mine} if mine or with_mine else dict[str, list[Tile]]()
+        objects = session.editor.objects
+        families = objects.families
+        own = [name for name in objects.own if self._filter in (_ALL, _MINE, objects[name].instance.fingerprint)]
+        mine: list[Tile] = [*waiting, *own]
+        groups = {"Mine": mine} if mine or self._filter in (_ALL, _MINE) else dict[str, list[Tile]]()
         groups |= {
             name: [*self._listed(families[model])] for model, name in names.items() if self._filter in (_ALL, model)
         }

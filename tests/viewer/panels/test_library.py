@@ -158,3 +158,15 @@ def test_arrow_keys_go_from_tile_to_tile_with_a_ring_and_enter_shows_one(window:
     assert ring.sum() > box.max.x - box.min.x
     window.press(key.enter)
     assert name != "object 2" and editor.state.mix.a.shape == name
+
+
+@in_window(fixture="both")
+def test_a_category_lists_the_fitted_objects_of_it_first(window: Driver, photo: Path) -> None:
+    window.fit(photo)
+    chairs, cars = window.session.models
+    if chairs.category != "chairs":
+        chairs, cars = cars, chairs
+    for filter_id, is_listed in ((cars.fingerprint, False), (chairs.fingerprint, True), ("mine", True)):
+        window.click(f"Library/**/###{filter_id}")
+        window.ctx.yield_(2)
+        assert window.exists("Library/**/show block") == is_listed
