@@ -14,7 +14,7 @@ from core.models.library import DEFAULT_MODEL, sample_images, shipped_models
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.models.photo_detail import PhotoView
-from core.models.scene import open_scene, scene_model
+from core.models.scene import Scene, scene_model
 from viewer.activities.answers import Answers
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
@@ -283,7 +283,7 @@ class Session:
         """
         try:
             fingerprint = scene_model(path)
-            scene = open_scene(path, self.models[fingerprint] if fingerprint else self.editor.model)
+            scene = Scene.load(path, self.models[fingerprint] if fingerprint else self.editor.model)
             self._add_models()
         except ValueError as error:
             self.messages.report("Cannot open the scene", error)

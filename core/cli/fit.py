@@ -29,7 +29,7 @@ from core.geometry.camera import Camera
 from core.geometry.pose_files import PosedImage, find_pose, require_scale
 from core.models.library import load_model, model_with
 from core.models.model import Model
-from core.models.scene import Scene, open_scene, scene_model
+from core.models.scene import Scene, scene_model
 from core.photos.clip import FRAMES, is_clip
 from core.photos.clip_object import cut_out_clip
 from core.photos.decode import NOTE, image_files, read_mask, read_rgba, upright_size
@@ -84,7 +84,7 @@ def fit_images(args: argparse.Namespace, clock: "Stopwatch") -> Fitted:
     cuts = tuple(source.cut for source in inputs)
     name = args.model or likeliest_model(cuts[0].categories)
     model = load_model(model_with(args.resume and scene_model(args.resume), name), args.device)
-    earlier, hypothesis = resume_point(open_scene(args.resume, model).instance) if args.resume else ((), None)
+    earlier, hypothesis = resume_point(Scene.load(args.resume, model).instance) if args.resume else ((), None)
     with clock("view_bank"):
         wait_for_view_bank(model)
     photos = *earlier, *map(_photo, inputs, repeat(model), repeat(args.pose_scale))

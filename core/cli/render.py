@@ -21,7 +21,7 @@ from core.export.video import FORMATS, WHITE, VideoSettings, shown_views, write_
 from core.geometry.pixels import to_bytes
 from core.models.library import load_model, model_with
 from core.models.model import Instance, Model
-from core.models.scene import Scene, open_scene, save_image, scene_model
+from core.models.scene import Scene, save_image, scene_model
 from core.runtime.files import require_writable
 from core.streams import run_to_end
 
@@ -64,7 +64,7 @@ def turntable(args: argparse.Namespace) -> None:
 
 def _partner(to: int | Path, instance: Instance) -> Instance:
     """Return the object that another one morphs into: a training object by its number, or that of a scene."""
-    return instance.model[to] if isinstance(to, int) else open_scene(to, instance.model).instance
+    return instance.model[to] if isinstance(to, int) else Scene.load(to, instance.model).instance
 
 
 def _shown_frames(shots: Sequence[View], args: argparse.Namespace) -> int:
@@ -146,7 +146,7 @@ def _load_selection(args: argparse.Namespace) -> View:
 
 def _opened(args: argparse.Namespace, path: Path, model: Model) -> View:
     """Return the object and the camera of a scene, with the edits of the options."""
-    scene = open_scene(path, model)
+    scene = Scene.load(path, model)
     instance = scene.instance.with_detail(None) if args.no_photo_detail else scene.instance
     return View(_edited(args, instance), scene.camera)
 

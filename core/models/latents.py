@@ -88,10 +88,8 @@ class Latents:
         return {name: _to_texts(offsets) for name, offsets in named.items() if offsets is not None}
 
 
-def read_offsets(texts: tuple[str, ...] | None) -> Float16[Tensor, "rows width"] | None:
-    """Decode the rows of offsets; None stays None. Raises ``ValueError`` for other texts."""
-    if texts is None:
-        return None
+def read_offsets(texts: tuple[str, ...]) -> Float16[Tensor, "rows width"]:
+    """Decode the rows of offsets. Raises ``ValueError`` for other texts."""
     rows = [np.frombuffer(base64.b64decode(text, validate=True), np.float16) for text in texts]
     if len({len(row) for row in rows}) != 1:
         raise ValueError("offsets need rows of one width")

@@ -5,25 +5,28 @@ A PNG image can embed the scene it shows as a text chunk, so the image alone res
 
 import base64
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import UInt8
+from jaxtyping import AbstractArray, UInt8
 from PIL import Image, PngImagePlugin
+from torch import Tensor
 
+from core.edits.edit import Edit
 from core.edits.kinds import edits_json, read_edits
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.latents import read_offsets
 from core.models.missing import MissingInstance, adopted
 from core.models.model import Instance, Model
-from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.runtime.files import atomic_file
 from core.runtime.pipes import refuse_pipe
-from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed
+from core.runtime.reading import optional, parse_json, read_text, reading, typed
 
 IMAGE_FORMATS = (".png", ".jpg", ".webp")  # endings to offer: nearly every program opens these
 OPAQUE_FORMATS = (".jpg", ".jpeg")  # formats without transparent pixels
@@ -45,7 +48,7 @@ class Scene:
 
     def save(self, path: Path) -> None:
         """Write the scene as JSON, atomically. Raises ``ValueError`` for a path that cannot be written."""
-        with atomic_file(path, lambda partial: typed(_SceneJson, read_json(partial))) as partial:
+        with atomic_file(path, lambda partial: Scene.without_model(read_text(partial))) as partial:
             partial.write_text(self.to_json() + "\n")
 
     def to_json(self) -> str:
@@ -66,12 +69,12 @@ class Scene:
 
     @classmethod
     def load(cls, path: Path, model: Model) -> "Scene":
-        """Read a JSON file. Raises ``ValueError`` if it is not a scene or belongs to another model.
+        """Read a JSON file, or an image that embeds a scene.
 
-        :func:`open_scene` also reads images.
+        Raises ``ValueError`` if it holds no scene, or that of another model.
         """
         with reading(path, "a scene"):
-            return cls.from_json(read_text(path), model)
+            return cls.from_json(embedded_scene(path) or read_text(path), model)
 
     @classmethod
     def from_json(cls, text: str, model: Model) -> "Scene":
@@ -86,67 +89,36 @@ class Scene:
     def without_model(cls, text: str) -> "Scene":
         """Parse JSON text, as :meth:`from_json` does, to a scene of a :class:`core.models.missing.MissingInstance`."""
         entries = parse_json(text)
-        content = typed(_SceneJson, entries, name="scene")
-        detail = content.detail and content.detail.read()
-        codes = Codes(
-            torch.tensor(content.shape),
-            torch.tensor(content.texture),
-            read_offsets(content.shape_offsets),
-            read_offsets(content.texture_offsets),
-            detail,
-            read_edits(entries),
-        )
-        return cls(MissingInstance(content.model, codes), content.camera)
+        head = typed(_Head, entries, name="scene")
+        codes = typed(Codes, entries | {"edits": entries}, _reader, "scene")
+        for view in codes.detail.views if codes.detail else ():
+            view.pixels()  # raises if damaged
+        return cls(MissingInstance(head.model, codes), head.camera)
 
 
-class _View(NamedTuple):
-    """JSON of a photo."""
-
-    image: str
-    camera: Camera
-    erased: tuple[Erasure, ...] = ()
-    outline_margin: float | None = None
-
-    def read(self) -> PhotoView:
-        view = PhotoView(base64.b64decode(self.image, validate=True), self.camera, self.erased, self.outline_margin)
-        view.pixels()  # raises if damaged
-        return view
-
-
-class _Detail(NamedTuple):
-    """JSON of the photo detail."""
-
-    views: tuple[_View, ...]
-    shape: tuple[float, ...]
-    texture: tuple[float, ...]
-    strength: float = 1.0
-    other_side: OtherSide = "mirrored"
-    shape_offsets: tuple[str, ...] | None = None
-    texture_offsets: tuple[str, ...] | None = None
-
-    def read(self) -> PhotoDetail:
-        views = tuple(view.read() for view in self.views)
-        return PhotoDetail(
-            views,
-            torch.tensor(self.shape),
-            torch.tensor(self.texture),
-            self.strength,
-            self.other_side,
-            read_offsets(self.shape_offsets),
-            read_offsets(self.texture_offsets),
-        )
-
-
-class _SceneJson(NamedTuple):
-    """JSON of a scene."""
+class _Head(NamedTuple):
+    """The entries of a scene's JSON that belong to no codes."""
 
     model: str
     camera: Camera
-    shape: tuple[float, ...]
-    texture: tuple[float, ...]
-    detail: _Detail | None = None
-    shape_offsets: tuple[str, ...] | None = None
-    texture_offsets: tuple[str, ...] | None = None
+
+
+def _reader(kind: Any) -> Callable[[Any], Any] | None:
+    """Return the reader of a type of :class:`core.models.codes.Codes` that JSON lacks."""
+    if kind is bytes:
+        return lambda text: base64.b64decode(typed(str, text, name="image"), validate=True)
+    if kind == tuple[Edit, ...]:
+        return read_edits
+    return partial(_tensor, kind) if isinstance(kind, type) and issubclass(kind, AbstractArray) else None
+
+
+def _tensor(kind: Any, value: Any) -> Tensor:
+    """Read the numbers of a code or the texts of offsets."""
+    is_text = isinstance(value, list) and value and isinstance(value[0], str)
+    tensor = read_offsets(typed(tuple[str, ...], value)) if is_text else torch.tensor(typed(tuple[float, ...], value))
+    if isinstance(tensor, kind):
+        return tensor
+    raise ValueError("codes are lists of numbers, and offsets are lists of texts")
 
 
 def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, scene: Scene) -> None:
@@ -177,19 +149,7 @@ def embedded_scene(path: Path) -> str | None:
     return None if text is None else str(text)
 
 
-def open_scene(path: Path, model: Model) -> Scene:
-    """Read a scene from its JSON file or from an image that embeds it.
-
-    Raises ``ValueError`` if the file holds no scene, or that of another model.
-    """
-    text = embedded_scene(path)
-    if text is None:
-        return Scene.load(path, model)
-    with reading(path, "a scene"):
-        return Scene.from_json(text, model)
-
-
 def scene_model(path: Path) -> str | None:
     """Return the fingerprint of the model that a scene file or image needs; None for other files."""
-    content = optional(lambda: typed(_SceneJson, parse_json(embedded_scene(path) or read_text(path))))
+    content = optional(lambda: typed(_Head, parse_json(embedded_scene(path) or read_text(path))))
     return content and content.model

@@ -18,7 +18,7 @@ from core.lab.datasets.srn import index_objects, write_manifest
 from core.lab.training.curve import read_curve
 from core.models.authors_checkpoint import load_authors
 from core.models.model import Model
-from core.models.scene import Scene, open_scene, save_image, scene_model
+from core.models.scene import Scene, save_image, scene_model
 from core.photos.decode import lens_focal, read_rgba, upright_size
 from tests.conftest import random_model
 from tests.core.models.authors_reference import GOLDEN
@@ -82,7 +82,7 @@ def _read_settings(path: Path) -> None:
 
 def _read_scene(path: Path) -> None:
     scene_model(path)
-    open_scene(path, _MODEL)
+    Scene.load(path, _MODEL)
 
 
 READERS: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] = {

@@ -12,7 +12,7 @@ from core.metrics import psnr
 from core.models.model import Instance, Model
 from core.models.motion import moved_along
 from core.models.network import copy_field, has_network, weight_offsets, with_network
-from core.models.scene import Scene, open_scene, save_image
+from core.models.scene import Scene, save_image
 from core.rendering.fast import clear_cache, render
 from core.rendering.images import render_image
 from core.rendering.occupancy import shape_occupancy
@@ -107,7 +107,7 @@ def test_a_scene_keeps_the_network_in_a_file_and_in_an_image(tiny: Model, tmp_pa
     scene.save(tmp_path / "scene.json")
     save_image(np.zeros((8, 8, 3), np.uint8), tmp_path / "scene.png", scene)
     for name in ("scene.json", "scene.png"):
-        assert open_scene(tmp_path / name, tiny) == scene
+        assert Scene.load(tmp_path / name, tiny) == scene
     shorter = scene.instance.changed(shape_offsets=scene.instance.codes.shape_offsets[:-1])
     with pytest.raises(ValueError, match="another model"):
         Scene.from_json(Scene(shorter, scene.camera).to_json(), tiny)

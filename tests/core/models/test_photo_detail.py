@@ -8,7 +8,7 @@ import pytest
 from core.geometry.camera import Camera
 from core.models.model import Model
 from core.models.photo_detail import MAX_BYTES, MAX_PHOTOS, Erasure, PhotoDetail, PhotoView
-from core.models.scene import Scene, open_scene, save_image
+from core.models.scene import Scene, save_image
 
 CAMERA = Camera(0.5, 0.2, 1.3, 60.0, 40, 30)
 SCRATCH = Erasure(((0.25, 0.5), (0.75, 0.5)), 0.05)
@@ -41,7 +41,7 @@ def test_a_scene_and_an_image_keep_the_detail(model: Model, tmp_path: Path) -> N
     scene.save(tmp_path / "s.json")
     assert Scene.load(tmp_path / "s.json", model) == scene
     save_image(np.zeros((4, 4, 3), np.uint8), tmp_path / "p.png", scene)
-    assert open_scene(tmp_path / "p.png", model).instance.detail == instance.detail
+    assert Scene.load(tmp_path / "p.png", model).instance.detail == instance.detail
     assert instance.with_detail(None) != instance
 
 

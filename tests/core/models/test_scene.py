@@ -11,7 +11,7 @@ from PIL import Image
 from core.edits.stretch import Stretch
 from core.models.codes import Codes
 from core.models.model import Instance, Model
-from core.models.scene import Scene, embedded_scene, open_scene, save_image
+from core.models.scene import Scene, embedded_scene, save_image
 from tests.conftest import random_model
 
 PIXELS = np.arange(6 * 5 * 3, dtype=np.uint8).reshape(6, 5, 3)
@@ -26,7 +26,7 @@ def test_a_scene_comes_back_exactly_or_is_not_written(model: Model, tmp_path):
     scene = random_scene(model)
     scene.save(tmp_path / "s.json")
     again = Scene.load(tmp_path / "s.json", model)
-    assert again == open_scene(tmp_path / "s.json", model) == scene
+    assert again == Scene.load(tmp_path / "s.json", model) == scene
     assert torch.equal(again.instance.codes.shape, scene.instance.codes.shape)
     sized = replace(scene, instance=scene.instance.with_edits(Stretch, Stretch((1.1, 0.9, 2 / 3))))
     sized.save(tmp_path / "s.json")
@@ -43,7 +43,7 @@ def test_a_scene_of_another_model_is_refused_by_name(model: Model, tmp_path):
     save_image(PIXELS, tmp_path / "s.png", foreign)
     for name in ("s.json", "s.png"):
         with pytest.raises(ValueError, match=f"{name}: it belongs to another model"):
-            open_scene(tmp_path / name, model)
+            Scene.load(tmp_path / name, model)
 
 
 def test_a_scene_of_a_model_that_this_one_extends_becomes_one_of_this_model(model: Model, tmp_path):
@@ -74,7 +74,7 @@ def scene(model: Model) -> Scene:
 
 def test_a_png_brings_its_scene_back_exactly(scene: Scene, model: Model, tmp_path: Path):
     save_image(PIXELS, tmp_path / "a.PNG", scene)
-    again = open_scene(tmp_path / "a.PNG", model)
+    again = Scene.load(tmp_path / "a.PNG", model)
     assert again == scene
     assert torch.equal(again.instance.codes.texture, scene.instance.codes.texture)
     with Image.open(tmp_path / "a.PNG") as image:
@@ -99,7 +99,7 @@ def test_no_scene_is_embedded_in_torn_and_plain_files(scene: Scene, model: Model
     for name in ("text.png", "plain.png", "gone.png", "."):
         assert embedded_scene(tmp_path / name) is None
     with pytest.raises(ValueError, match=r"plain\.png"):
-        open_scene(tmp_path / "plain.png", model)
+        Scene.load(tmp_path / "plain.png", model)
 
 
 def test_the_scene_of_an_image_is_read_without_decoding_it(scene: Scene, tmp_path: Path):

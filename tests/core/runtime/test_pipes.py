@@ -12,7 +12,7 @@ from PIL import Image
 
 import core
 from core.models.model import Model
-from core.models.scene import open_scene, scene_model
+from core.models.scene import Scene, scene_model
 from core.photos.decode import read_mask
 from core.runtime.pipes import as_file
 
@@ -47,7 +47,7 @@ def test_the_library_refuses_pipes_without_waiting_for_content(source: str, pipe
     readers: list[Callable[[], object]] = [
         lambda: core.load_photo(path, tiny),
         lambda: read_mask(path, CUSHION, (8, 8)),
-        lambda: open_scene(path, tiny),
+        lambda: Scene.load(path, tiny),
         lambda: core.load_model(str(path)),
     ]
     for read in readers:
