@@ -6,11 +6,9 @@ A first pass reads the times of all packets, because headers give no duration (b
 
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from PIL import Image
@@ -41,8 +39,6 @@ _TURNS = (None, Image.Transpose.ROTATE_90, Image.Transpose.ROTATE_180, Image.Tra
 # Numbers of FFmpeg
 _UNSPECIFIED, _BT709, _BT601 = 2, 1, 5
 
-_Value = TypeVar("_Value")
-
 
 class ClipFrame(NamedTuple):
     """A frame of a video."""
@@ -66,19 +62,8 @@ def read_clip(path: Path, count: int = FRAMES) -> Generator[float, None, tuple[C
     """
     if not 1 <= count <= MAX_FRAMES:
         raise ValueError(f"a video gives 1 to {MAX_FRAMES} frames, not {count}")
-    frames = yield from _naming_errors(path, _read(path, count))
-    return frames
-
-
-def _naming_errors(path: Path, stream: Generator[float, None, _Value]) -> Generator[float, None, _Value]:
-    """Pass a stream on; its errors name the file."""
-    while True:
-        with reading(path, "a video"):
-            try:
-                value = next(stream)
-            except StopIteration as done:
-                return done.value
-        yield value
+    with reading(path, "a video"):
+        return (yield from _read(path, count))
 
 
 def _read(path: Path, count: int) -> Generator[float, None, tuple[ClipFrame, ...]]:
@@ -87,7 +72,7 @@ def _read(path: Path, count: int) -> Generator[float, None, tuple[ClipFrame, ...
     plan = _Plan(packets, count)
     candidates = dict[int, tuple[float, ClipFrame]]()  # by step: sharpness and frame
     with closing(_Video(path)) as video:
-        for fraction, frame in video.decode(plan.is_needed):
+        for fraction, frame in video.decode(plan.needed()):
             if frame is not None and (step := plan.step_of(float(frame.time))) is not None:
                 sharpness = _sharpness(frame)
                 if step not in candidates or sharpness > candidates[step][0]:
@@ -122,43 +107,30 @@ def _list_packets(video: "_Video") -> Generator[float, None, list[_Packet]]:
     return packets
 
 
-@dataclass(frozen=True)
 class _Plan:
     """Frames to compare, and packets to decode for them."""
 
-    packets: Sequence[_Packet]  # in the order of the file
-    count: int  # steps of time
-
-    @cached_property
-    def first(self) -> float:
-        """Time of the first frame in seconds."""
-        return min(packet.seconds for packet in self.packets)
-
-    @cached_property
-    def length(self) -> float:
-        """Duration of a step in seconds; 0 for a single frame."""
-        return (max(packet.seconds for packet in self.packets) - self.first) / self.count
+    def __init__(self, packets: Sequence[_Packet], count: int) -> None:
+        times = sorted(packet.seconds for packet in packets)
+        self._packets = packets  # in the order of the file
+        self._count = count  # steps of time
+        self.first = times[0]  # time of the first frame in seconds
+        self._length = (times[-1] - times[0]) / count  # of a step in seconds; 0 for a single frame
+        self._spacing = max((later - earlier for earlier, later in pairwise(times)), default=0.0)  # longest, seconds
 
     def step_of(self, seconds: float) -> int | None:
         """Return the step of a frame; None for a frame that is not compared."""
-        if not self.length:
+        if not self._length:
             return 0
-        position = (seconds - self.first) / self.length
-        step = min(self.count - 1, int(position))
-        return step if abs(position - step - 0.5) * self.length <= max(_WINDOW, self.spacing) / 2 else None
+        position = (seconds - self.first) / self._length
+        step = min(self._count - 1, int(position))
+        return step if abs(position - step - 0.5) * self._length <= max(_WINDOW, self._spacing) / 2 else None
 
-    @cached_property
-    def spacing(self) -> float:
-        """Longest time between neighbouring frames in seconds."""
-        times = sorted(packet.seconds for packet in self.packets)
-        return max(later - earlier for earlier, later in pairwise(times))
-
-    @cached_property
-    def is_needed(self) -> list[bool]:
+    def needed(self) -> list[bool]:
         """True for each packet that is compared, or from which a compared one is decoded."""
         needed = []
         follows = False  # a needed packet follows, before the next keyframe
-        for packet in reversed(self.packets):
+        for packet in reversed(self._packets):
             follows = follows or self.step_of(packet.seconds) is not None
             needed.append(follows)
             follows = follows and not packet.is_keyframe
