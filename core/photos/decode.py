@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from PIL import ExifTags, Image, ImageCms
+from PIL import ExifTags, Image, ImageCms, ImageOps
 
 from core.photos.colour_encoding import colour_encoding, decoded
 from core.runtime.raw_previews import RAW_SIZE
@@ -25,15 +25,6 @@ _SENSOR_RATIOS = (4 / 3, 3 / 2, 16 / 9)  # longer by shorter side of uncropped p
 _SAME_RATIO = 0.02  # relative tolerance of these ratios
 NOTE = "note"  # in ``Image.info``: how an ambiguous file was read
 _TRANSPOSED = (5, 6, 7, 8)  # EXIF orientations that exchange width and height
-_TURNS = {
-    2: Image.Transpose.FLIP_LEFT_RIGHT,
-    3: Image.Transpose.ROTATE_180,
-    4: Image.Transpose.FLIP_TOP_BOTTOM,
-    5: Image.Transpose.TRANSPOSE,
-    6: Image.Transpose.ROTATE_270,
-    7: Image.Transpose.TRANSVERSE,
-    8: Image.Transpose.ROTATE_90,
-}  # transform to upright, by EXIF orientation
 _GREY = 127  # largest value of a mask's background
 _DARK = 32  # a grey value closer to 0 or 255 counts as black or white
 _MOST_GREY = 0.25  # largest fraction of other pixels, which soft edges have; photographs have more
@@ -94,12 +85,12 @@ def read_mask(path: Path, photo: Path, size: tuple[int, int]) -> Image.Image:
     classes, or no object or no background.
     """
     with reading(path, "an image"), open_image(path, WORKING_SIDE) as image:
-        mask = _shrunk(_mask_values(image), WORKING_SIDE, Image.Resampling.BOX)
-    mask = _turned(mask, _orientation(path))
+        mask = _turned(_shrunk(_mask_values(image), WORKING_SIDE, Image.Resampling.BOX), _orientation(image))
     note = ""
     drawn, upright = (upright_size(file) for file in (path, photo))
     if not _same_proportions(drawn, upright):
-        orientation = _orientation(photo)
+        with open_image(photo) as image:
+            orientation = _orientation(image)
         if orientation not in _TRANSPOSED or not _same_proportions(drawn[::-1], upright):
             sizes = f"a mask of {drawn[0]}x{drawn[1]} px does not fit a photo of {upright[0]}x{upright[1]} px"
             raise ValueError(f"{path}: {sizes}")
@@ -165,15 +156,13 @@ def _listed(name: str, values: Sequence[int]) -> str:
 
 def upright_size(path: Path) -> tuple[int, int]:
     """Return (width, height) in px of a file's upright image. Raises ``ValueError`` naming a file that is no image."""
-    transposed = _orientation(path) in _TRANSPOSED
     with reading(path, "an image"), open_image(path) as image:
-        return (image.height, image.width) if transposed else image.size
+        return (image.height, image.width) if _orientation(image) in _TRANSPOSED else image.size
 
 
-def _orientation(path: Path) -> int:
-    """Return the EXIF orientation; 1 (upright) if the file has none."""
-    with reading(path, "an image"), open_image(path) as image:
-        return int(_exif(image).get(ExifTags.Base.Orientation, 1))
+def _orientation(image: Image.Image) -> int:
+    """Return the EXIF orientation; 1 (upright) if there is none."""
+    return int(_exif(image).get(ExifTags.Base.Orientation, 1))
 
 
 def _same_proportions(first: tuple[int, int], second: tuple[int, int]) -> bool:
@@ -223,9 +212,10 @@ def _small_rgba(image: Image.Image) -> Image.Image:
 
 
 def _turned(image: Image.Image, orientation: int) -> Image.Image:
-    """Turn an image upright."""
-    turn = _TURNS.get(orientation)
-    return image if turn is None else image.transpose(turn)
+    """Return an image turned upright by an EXIF orientation, without metadata."""
+    image.info = {}
+    image.getexif()[ExifTags.Base.Orientation] = orientation
+    return ImageOps.exif_transpose(image).copy()  # a copy reads new metadata, the transposed image would not
 
 
 def _in_srgb(image: Image.Image, profile: bytes | None) -> Image.Image:
