@@ -2,7 +2,6 @@
 
 import os
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
 from platformdirs import user_config_path
@@ -11,19 +10,12 @@ _NAME = "codenerf-viewer"
 
 
 def config_folder() -> Path:
-    """Return the folder of preferences, window layout and sessions."""
-    return _or_temporary(lambda: user_config_path(_NAME, appauthor=False, roaming=True))
+    """Return the folder of preferences, window layout and sessions.
 
-
-def is_temporary(folder: Path) -> bool:
-    """True if a folder lies in the system's temporary folder, which is emptied at times."""
-    return folder.parent == Path(tempfile.gettempdir())
-
-
-def _or_temporary(choose: Callable[[], Path]) -> Path:
-    """Return the chosen folder; a temporary one for a user without a (writable) home."""
+    It is a temporary one for a user without a (writable) home.
+    """
     try:
-        folder = choose()
+        folder = user_config_path(_NAME, appauthor=False, roaming=True)
         folder.mkdir(parents=True, exist_ok=True)
         if os.access(folder, os.W_OK):
             return folder
@@ -35,3 +27,8 @@ def _or_temporary(choose: Callable[[], Path]) -> Path:
     if getattr(folder.stat(), "st_uid", user) != user:  # created by somebody else
         return Path(tempfile.mkdtemp(prefix=f"{_NAME}-"))
     return folder
+
+
+def is_temporary(folder: Path) -> bool:
+    """True if a folder lies in the system's temporary folder, which is emptied at times."""
+    return folder.parent == Path(tempfile.gettempdir())
