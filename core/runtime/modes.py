@@ -58,11 +58,6 @@ def isolated(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _R
     """
 
     @wraps(function)
-    def call(*arguments: _Arguments.args, **options: _Arguments.kwargs) -> _Result:
-        with usual_settings():
-            return function(*arguments, **options)
-
-    @wraps(function)
     def stream(*arguments: _Arguments.args, **options: _Arguments.kwargs) -> Generator[Any, None, Any]:
         steps: Any = function(*arguments, **options)
         try:
@@ -77,7 +72,7 @@ def isolated(function: Callable[_Arguments, _Result]) -> Callable[_Arguments, _R
             with usual_settings():
                 steps.close()
 
-    return stream if isgeneratorfunction(unwrap(function)) else call  # type: ignore[return-value]
+    return stream if isgeneratorfunction(unwrap(function)) else usual_settings()(function)  # type: ignore[return-value]
 
 
 @contextmanager

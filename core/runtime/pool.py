@@ -82,7 +82,7 @@ def map_pieces(function: Callable[[_Piece], _Result], pieces: Iterable[_Piece]) 
     try:
         while True:
             for piece in islice(remaining, int(_AHEAD * _caller.count) - len(futures)):
-                futures.append(helpers.submit(_in_modes(function), piece))
+                futures.append(helpers.submit(TorchModes.current().applied()(function), piece))
             if not futures:
                 return
             yield futures.popleft().result()
@@ -125,14 +125,3 @@ def _begin() -> None:
     torch.get_num_threads()  # the first query resets a thread's number to the program's,
     torch.set_num_threads(1)  # so it must come before this
     _caller.helps = True
-
-
-def _in_modes(function: Callable[[_Piece], _Result]) -> Callable[[_Piece], _Result]:
-    """Wrap a function to run in the caller's modes, which torch keeps per thread."""
-    modes = TorchModes.current()
-
-    def run(piece: _Piece) -> _Result:
-        with modes.applied():
-            return function(piece)
-
-    return run
