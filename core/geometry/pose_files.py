@@ -84,12 +84,6 @@ class _Frame(_Intrinsics):
     transform_matrix: tuple[tuple[float, float, float, float], ...]  # three or four rows
 
 
-class _Transforms(NamedTuple):
-    """JSON of ``transforms.json``."""
-
-    frames: tuple[_Frame, ...]
-
-
 def find_pose(path: Path, image: Path, axes: str = "opencv", scale: float = 1.0) -> PosedImage:
     """Return an image's camera from a pose file, or from its frame of a ``transforms.json``.
 
@@ -122,8 +116,10 @@ def read_transforms(path: Path, scale: float = 1.0) -> tuple[PosedImage, ...]:
     distortion whose axis meets the middle of the image.
     """
     with reading(path, "a file of poses (transforms.json)"):
-        content = read_json(path)
-        frames = typed(_Transforms, _with_intrinsics(content), name="transforms").frames
+        content = typed(dict, read_json(path), name="transforms")
+        common = {name: content[name] for name in field_types(_Intrinsics) if content.get(name) is not None}
+        entries = typed(tuple[dict, ...], content.get("frames"), name="transforms.frames")
+        frames = typed(tuple[_Frame, ...], [_inherited(entry, common) for entry in entries], name="transforms.frames")
         if not frames:
             raise ValueError("it has no frames")
         return tuple(_posed_image(path.parent, frame, scale) for frame in frames)
@@ -161,18 +157,8 @@ def _visible_radius(mask: Bool[np.ndarray, "height width"], camera: Camera) -> f
     return camera.distance * math.sin(math.atan(float(offset) / camera.focal))
 
 
-def _with_intrinsics(content: Any) -> Any:
-    """Return the JSON of ``transforms.json`` with the file's intrinsics in every frame that has none of its own."""
-    if not isinstance(content, dict) or not isinstance(content.get("frames"), list):
-        return content
-    common = {name: content[name] for name in field_types(_Intrinsics) if content.get(name) is not None}
-    return {"frames": [_inherited(frame, common) for frame in content["frames"]]}
-
-
-def _inherited(frame: Any, common: dict[str, Any]) -> Any:
+def _inherited(frame: dict[str, Any], common: dict[str, Any]) -> dict[str, Any]:
     """Return a frame's JSON with the intrinsics that it lacks; its focal length replaces the file's, in any form."""
-    if not isinstance(frame, dict):
-        return frame
     stated = {name: value for name, value in frame.items() if value is not None}
     if "fl_x" in stated or "camera_angle_x" in stated:
         common = {name: value for name, value in common.items() if name not in _FOCALS}
