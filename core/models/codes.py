@@ -231,11 +231,6 @@ class CodeBook:
         """Indices of the objects that are not collapsed."""
         return tuple(index for index in range(len(self.objects)) if index not in self.collapsed)
 
-    @property
-    def first_name(self) -> str:
-        """Name of the first object that did not collapse; "mean" if there are none."""
-        return self.objects[self.valid[0]].name if self.valid else "mean"
-
     @cached_property
     def shape_space(self) -> CodeSpace:
         """Distribution of the shape codes."""

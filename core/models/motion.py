@@ -48,9 +48,9 @@ class Motion(NamedTuple):
 
 def position(instance: Instance, direction: int) -> float:
     """Return an object's coordinate along a shape direction: that of its code and its move, in standard deviations."""
-    code = instance.model.codes.shape_space.coordinates(instance.codes.shape)[direction]
+    code = float(_coordinates(instance)[direction])
     steps = _steps(instance)
-    return float(code) + (steps[direction] if direction < len(steps) else 0.0)
+    return code + (steps[direction] if direction < len(steps) else 0.0)
 
 
 def moved_along(instance: Instance, direction: int, to: float) -> Instance:
@@ -91,7 +91,7 @@ def reach(instance: Instance, direction: int) -> tuple[float, float]:
 
     It is the same before and after edits. A code that moves alone goes as far from the mean.
     """
-    code = float(instance.model.codes.shape_space.coordinates(instance.codes.shape)[direction])
+    code = float(_coordinates(instance)[direction])
     if direction >= DIRECTIONS or not instance.model.supports_motion:
         return min(-LIMIT, code), max(LIMIT, code)
     return code - LIMIT, code + LIMIT
@@ -105,8 +105,8 @@ def edits_to_fitted(instance: Instance) -> tuple[Edit, ...]:
     model = instance.model
     if instance.detail is None or not model.supports_motion:
         return instance.codes.space_edits
-    away = _first_coordinates(instance) - _first_coordinates(instance.fitted)
-    followed = tuple(round(step, 4) for step in away.clamp(-FOLLOWED, FOLLOWED).tolist())
+    away = _coordinates(instance) - _coordinates(instance.fitted)
+    followed = tuple(round(step, 4) for step in away[:DIRECTIONS].clamp(-FOLLOWED, FOLLOWED).tolist())
     if not any(followed):
         return instance.codes.space_edits
     steps = map(sum, zip(followed, _steps(instance), strict=True))
@@ -119,15 +119,14 @@ def unmoved_distance(instance: Instance) -> float:
 
     In standard deviations. Raises ``ValueError`` without photos.
     """
-    space = instance.model.codes.shape_space
-    away = space.coordinates(instance.codes.shape) - space.coordinates(instance.fitted.codes.shape)
+    away = _coordinates(instance) - _coordinates(instance.fitted)
     if instance.model.supports_motion:
         away[:DIRECTIONS] -= away[:DIRECTIONS].clamp(-FOLLOWED, FOLLOWED)
     return float(away.square().mean().sqrt())
 
 
-def _first_coordinates(instance: Instance) -> Float[Tensor, "directions"]:
-    return instance.model.codes.shape_space.coordinates(instance.codes.shape)[:DIRECTIONS]
+def _coordinates(instance: Instance) -> Float[Tensor, "rank"]:
+    return instance.model.codes.shape_space.coordinates(instance.codes.shape)
 
 
 @lru_cache(maxsize=64)

@@ -104,8 +104,11 @@ def read_mask(path: Path, photo: Path, size: tuple[int, int]) -> Image.Image:
 def _mask_values(image: Image.Image) -> Image.Image:
     """Return grey values of a mask, white on the object, from any image."""
     transparent = "transparency" in image.info
-    if image.mode == "P" and not transparent and not _has_grey_palette(image):
-        return _object_of_palette(image)
+    if image.mode == "P" and not transparent:
+        colours = _palette(image)
+        # Not if all colours in use are grey: programs that save small files write soft masks so.
+        if any(len(set(colour)) > 1 for colour in colours.values()):
+            return _object_of_palette(image, colours)
     if transparent or "A" in image.getbands():
         alpha = image.convert("RGBA").getchannel("A")
         image = alpha if np.asarray(alpha).min() < 255 else image
@@ -121,11 +124,6 @@ def _mask_values(image: Image.Image) -> Image.Image:
     return grey
 
 
-def _has_grey_palette(image: Image.Image) -> bool:
-    """True if all colours in use are grey: programs that save small files write soft masks so."""
-    return all(red == green == blue for red, green, blue in _palette(image).values())
-
-
 def _palette(image: Image.Image) -> dict[int, tuple[int, ...]]:
     """Return the colour of each index in use, without Pascal VOC's colour of pixels of unknown class."""
     colours = np.array(image.getpalette("RGB")).reshape(-1, 3).tolist()
@@ -133,9 +131,8 @@ def _palette(image: Image.Image) -> dict[int, tuple[int, ...]]:
     return {index: tuple(colours[index]) for index in used if index < len(colours) and tuple(colours[index]) != _VOID}
 
 
-def _object_of_palette(image: Image.Image) -> Image.Image:
+def _object_of_palette(image: Image.Image, colours: dict[int, tuple[int, ...]]) -> Image.Image:
     """Return a mask of the object's index, grey on pixels of unknown class."""
-    colours = _palette(image)
     if len(colours) != 2:
         raise ValueError(f"the mask has {_listed('palette index', list(colours))}; it must have the object's and 0")
     background, target = sorted(colours, key=lambda index: (colours[index] == _WHITE, colours[index] != _BLACK, index))

@@ -72,8 +72,7 @@ def find_marks(
     inside = pieces.fraction(filled(scaled(box, _MARGIN), image)) > 0.5
     marks = pieces.apart & ~(inside & (pieces.fraction(salient) > 0.5))
     marks |= pieces.small & (pieces.fraction(watermark) > 0.5)
-    thin = foreground & ~_opened(foreground, max(1, round(_STROKE * max(image.size))))
-    mask = marks[pieces.numbers] | (thin & (watermark | ~salient))
+    mask = marks[pieces.numbers] | (_thin(foreground) & (watermark | ~salient))
     return mask if (foreground & ~mask).any() else None
 
 
@@ -129,7 +128,7 @@ def find_strokes(
     image: Image.Image, foreground: Bool[np.ndarray, "height width"], box: Box
 ) -> Bool[np.ndarray, "height width"]:
     """Return the lines of the foreground that leave the detected object's box, such as rings and arrows."""
-    thin = foreground & ~_opened(foreground, max(1, round(_STROKE * max(image.size))))
+    thin = _thin(foreground)
     beyond, _ = label(thin & ~filled(scaled(box, _AROUND), image), np.ones((3, 3)))
     colours = np.asarray(image, np.float32)
     strokes = np.zeros_like(foreground)
@@ -208,9 +207,10 @@ def _watermark(image: Image.Image, pieces: _Pieces) -> Bool[np.ndarray, "height 
     return like if alike >= max(_LETTERS, len(colours) / 2) else np.zeros_like(like)
 
 
-def _opened(mask: Bool[np.ndarray, "height width"], radius: int) -> Bool[np.ndarray, "height width"]:
-    """Return a mask without its parts thinner than twice a radius (px)."""
+def _thin(mask: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
+    """Return the parts of a mask as thin as lines and letters."""
     import cv2  # imports in 0.2 s, and few images need it
 
+    radius = max(1, round(_STROKE * max(mask.shape)))
     element = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, element).astype(bool)
+    return mask & ~cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, element).astype(bool)
