@@ -48,7 +48,10 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "View": (
         Gesture("Drag, or arrow keys", "turn the object; finer with Shift"),
         Gesture("Wheel, or + and -", "zoom"),
-        Gesture("Click a part", "it lights up: drag its handle to size the object, click its name for its colour"),
+        Gesture(
+            "Click a part",
+            "it lights up: drag its handle to make the object taller or wider, click its name for its colour",
+        ),
         Gesture("Middle or right drag", "pan: move the object in the view"),
         Gesture("Double click", "the first view again: its photo's camera, if the object has a photo"),
         Action(
@@ -122,7 +125,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("reset_layout", "Reset layout", "", "the panels as at first"),
         Gesture("Esc", "undo the drag, or close what is on top: a menu, a dialog, the help"),
         Gesture("Tab, arrow keys", "move between controls; Space presses one, and Ctrl+Tab goes to the next panel"),
-        Action("help", "Find…", "Ctrl+K, F1, ?", "search keys, panels and objects; Enter runs the first"),
+        Action("help", "Keys and search…", "Ctrl+K, F1, ?", "search keys, panels and objects; Enter runs the first"),
         Action("quit", "Quit", "Ctrl+Q", "end the program"),
     ),
 }  # rows by place, in the order of the help

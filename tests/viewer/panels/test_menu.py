@@ -67,8 +67,11 @@ def test_actions_objects_and_panels_are_found_by_typing(drive: Drive) -> None:
             if action.enabled(context):
                 assert find(context, action.words)[0].words.lower() == action.words.lower()
 
-        for words, first in {"eye": "eyedropper", "erase": "erase", "undo": "undo", "paint": "swatch"}.items():
+        expected = {"eye": "eyedropper", "erase": "erase", "undo": "undo", "paint": "swatch", "export": "share…"}
+        expected |= {"Make taller": "click a part", "photo open": "open photo…", "keyboard": "keys and search…"}
+        for words, first in expected.items():
             assert find(context, words)[0].words.lower() == first
+        assert "Click a part" in [entry.words for entry in find(context, "change its color")]
         assert not find(context, "no such word")
 
         def search(words: str) -> None:
