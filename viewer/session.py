@@ -35,7 +35,7 @@ from viewer.services.photo_thumbnails import photo_thumbnail
 from viewer.services.worker import Job, Worker
 from viewer.store.files import read_project
 from viewer.store.pictures import Pixels
-from viewer.store.store import Earlier, Store
+from viewer.store.store import CRASHED, Earlier, Store
 from viewer.values import orbit
 from viewer.values.fit_history import FitHistory, FitRequest
 from viewer.values.objects import EditableObject
@@ -370,6 +370,7 @@ class Session:
 
     def open_earlier(self, session: Earlier) -> None:
         """Replace everything by a session that was replaced before."""
+        self.messages.all = [message for message in self.messages.all if message.text != CRASHED]
         self._replace(self.store.session(session.number, self.editor.state))
 
     def new(self) -> None:

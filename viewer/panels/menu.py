@@ -73,7 +73,7 @@ def _draw_recent(context: PanelContext) -> None:
 def _draw_earlier(context: PanelContext) -> None:
     """Draw the entries of sessions that New or another project has replaced."""
     for number, session in enumerate(context.session.store.earlier):
-        if imgui.menu_item_simple(f"Session of {session.name}###earlier {number + 1}"):
+        if imgui.menu_item_simple(f"{as_label(printable(session.name))}###earlier {number + 1}"):
             context.session.open_earlier(session)
 
 

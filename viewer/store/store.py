@@ -27,6 +27,7 @@ FILE = f"work{SUFFIX}"
 SILENCE = 30.0  # s without a sign of life after which a window on another display has crashed
 EARLIER = 10  # replaced sessions that are kept
 SWEPT = 2000  # changes of rows after which contents that nothing needs are deleted
+CRASHED = "The program crashed twice with the last session. File, Recent opens it"
 
 
 class Earlier(NamedTuple):
@@ -34,11 +35,12 @@ class Earlier(NamedTuple):
 
     number: int
     changed: float  # s since 1970
+    newest: str | None = None  # name of the newest added object
 
     @property
     def name(self) -> str:
-        """The time of its last change, in words."""
-        return f"{datetime.fromtimestamp(self.changed):%Y-%m-%d %H.%M}"
+        """The newest added object, if any, and the time of the last change."""
+        return f"{self.newest or 'Session'}, {datetime.fromtimestamp(self.changed):%Y-%m-%d %H.%M.%S}"
 
 
 class Store:
@@ -142,7 +144,7 @@ class Store:
     def resume(self) -> int | None:
         """Own the newest session that no window has, and return its number; None if there is none.
 
-        The others become earlier ones, and so does a session that ended the program twice, which is noted.
+        The others become earlier ones, and so does a session that crashed the program twice, which is noted.
         """
         return self._run(self._claim)
 
@@ -163,13 +165,14 @@ class Store:
             self.notes.append(f"The last session could not be opened ({error})")
             return None
         if crashes >= 2:
-            self.notes.append("The program ended twice in the last session, so it was not opened: see File, Recent")
+            self.notes.append(CRASHED)
             return None
         return number
 
     def _list_earlier(self) -> None:
         """List the earlier sessions, and delete the oldest ones beyond the limit."""
-        query = "SELECT id, changed FROM sessions WHERE status = 'earlier' ORDER BY changed DESC, id DESC"
+        newest = "SELECT name FROM objects JOIN members ON object = key WHERE session = sessions.id ORDER BY key DESC"
+        query = f"SELECT id, changed, ({newest}) FROM sessions WHERE status = 'earlier' ORDER BY changed DESC, id DESC"
         sessions = [Earlier(*row) for row in self._connection.execute(query)]
         self._delete(session.number for session in sessions[EARLIER:])
         self.earlier = tuple(sessions[:EARLIER])

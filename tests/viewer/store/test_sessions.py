@@ -154,11 +154,23 @@ def test_a_session_that_ended_the_program_twice_is_not_opened(launch: Launch) ->
     session = launch()
     session.tick()
     assert not session.editor.history.past
-    assert "ended twice" in session.messages.newest.text
+    assert "crashed twice" in session.messages.newest.text
     (earlier,) = session.store.earlier
     session.open_earlier(earlier)
+    assert session.messages.newest is None
     assert shapes(session)[1:] == ["object 2", "object 3"]
     assert launch(last=session).editor.history.past
+
+
+def test_earlier_sessions_are_named_by_their_newest_object(launch: Launch, photo: Path) -> None:
+    session = launch()
+    fit(session, photo)
+    session.new()
+    session.editor.show_object("object 2")
+    session.new()
+    keep(session)
+    assert [earlier.name.partition(",")[0] for earlier in session.store.earlier] == ["Session", "block"]
+    assert len({earlier.name for earlier in session.store.earlier}) == 2
 
 
 def test_of_two_windows_neither_session_is_lost_nor_an_object(launch: Launch, photo: Path) -> None:
