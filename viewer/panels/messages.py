@@ -6,7 +6,7 @@ from viewer.context import PanelContext
 from viewer.services.messages import OK, Button, Message, MessageKind
 from viewer.values.printable import as_label
 from viewer.widgets.controls import tooltip
-from viewer.widgets.text import shortened
+from viewer.widgets.text import push_small, shortened
 
 _SUBJECT = 30  # most characters of an object's name on a button
 _ICONS = {
@@ -50,12 +50,27 @@ class MessageLine:
             width -= imgui.calc_text_size(text).x + 2 * style.frame_padding.x + style.item_spacing.x
         colour = getattr(context.palette, _COLOURS[message.kind])
         imgui.text_colored((*colour, 1.0), icon)
-        imgui.text_unformatted(shortened(message.text, max(0.0, width)))
+        _draw_text(message.text, max(0.0, width))
         tooltip(message.text, above=False)
         for label, button in zip(labels, (*message.buttons, OK[0]), strict=False):
             if imgui.small_button(label):
                 context.session.messages.dismiss(message)
                 button.press()
+
+
+def _draw_text(text: str, width: float) -> None:
+    """Draw text on ``width`` px: on two small lines if it is longer, shortened if these are not enough."""
+    if imgui.calc_text_size(text).x <= width:
+        imgui.text_unformatted(text)
+        return
+    push_small()
+    text = shortened(text, 1.8 * width)  # a line is broken between words, before its end
+    imgui.pop_font()
+    height = imgui.get_frame_height()
+    colour = imgui.get_color_u32(imgui.Col_.text)
+    draw = imgui.get_window_draw_list()
+    draw.add_text(imgui.get_font(), height / 2, imgui.get_cursor_screen_pos(), colour, text, wrap_width=width)
+    imgui.dummy((width, height))
 
 
 def _label(button: Button) -> str:

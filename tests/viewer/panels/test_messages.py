@@ -1,8 +1,10 @@
 from functools import partial
 
+import pytest
 from imgui_bundle import ImVec2, imgui
 
 from tests.viewer.driver import Driver, in_window, tooltip
+from viewer.panels import messages as panel
 from viewer.services.messages import OK, Button
 
 
@@ -57,3 +59,19 @@ def test_the_newest_message_covers_nothing_and_nothing_changes_under_the_mouse(w
     window.click("##MainMenuBar/##MenuBar/###ok")
     window.ctx.yield_(3)
     assert not window.exists("##MainMenuBar/##MenuBar/###ok") and pressed == ["blue"]
+
+
+@in_window(size=(900, 600))
+def test_a_message_has_two_lines_before_it_is_shortened(window: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = list[str]()
+    shorten = panel.shortened
+
+    def recorded(words: str, width: float) -> str:
+        drawn.append(shorten(words, width))
+        return drawn[-1]
+
+    monkeypatch.setattr(panel, "shortened", recorded)
+    text = "Cannot fit this image: grey16.png: the image is too large (19900x19900 px); make it smaller than 8192 px"
+    window.session.messages.notify(text)
+    window.ctx.yield_(3)
+    assert drawn[-1] == text
