@@ -22,6 +22,7 @@ _LOGGED = 500  # messages kept in the log
 _NO_MEMORY = "can't allocate memory"  # part of torch's RuntimeError when memory is exhausted
 _FOLDERS = re.compile(r"(?<![^\s'\"(])(?:[A-Za-z]:|~)?(?:[/\\](?=\S)[^/\\:*?\"<>|\n]+)*[/\\](?=[^\s/\\])")
 """The folders of an absolute path in a text."""
+_REASON = re.compile(r"(?<= that can be read) \(.*\)$")  # a library's words
 UNFORESEEN = "an error in the program; it is listed in Developer (menu Panels)"
 
 
@@ -120,7 +121,7 @@ def error_text(error: Exception) -> str:
         name = f"{Path(printable(error.filename)).name}: " if error.filename else ""
         return name + error.strerror[:1].lower() + error.strerror[1:]
     if isinstance(error, ValueError | OSError) and text:
-        return without_folders(text)
+        return without_folders(_REASON.sub(": it is damaged, or of another kind", text))
     return UNFORESEEN
 
 

@@ -51,6 +51,10 @@ def test_an_offer_stays_until_it_is_replaced_and_what_is_to_be_read_comes_back()
         (ValueError("no such image: /home/me/my photos/chair.png"), "no such image: chair.png"),
         (ValueError(r"C:\Users\me\a.json is not a scene file"), "a.json is not a scene file"),
         (FileNotFoundError(2, "No such file or directory", "/a/folder/b.json"), "b.json: no such file or directory"),
+        (
+            ValueError("/a/b.avif: not an image that can be read (Failed to decode frame 0: Decoding (8) failed)"),
+            "b.avif: not an image that can be read: it is damaged, or of another kind",
+        ),
         (KeyError("model"), UNFORESEEN),
         (json.JSONDecodeError("Expecting value", "", 0), "the file is damaged, or of another kind"),
         (FileNotFoundError(2, "No such file", "/photos/\udcff\u202e.png"), "?.png: no such file"),
