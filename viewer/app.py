@@ -34,7 +34,8 @@ previews of films move."""
 _MOVING = (imgui.Key.tab, imgui.Key.left_arrow, imgui.Key.right_arrow, imgui.Key.up_arrow, imgui.Key.down_arrow)
 _TOUCHED = 0.7  # s after an input during which the window counts as touched
 _INSPECTOR = 300.0, 0.185  # least width, px at 96 ppi; fraction of the window's width
-_LIBRARY = 140.0, 0.09  # likewise
+_MOST = 0.5  # fraction of the window's width that the inspector takes at most
+_LIBRARY = 140.0, 0.09  # as of the inspector
 _NARROW = 1100.0  # px at 96 ppi: in a narrower window the library is a strip below the view
 _OTHER_WIDTH = 0.25  # natural logarithm of a change of width after which panels are placed again
 _STRIP = 105.0  # px at 96 ppi, height of the strip
@@ -129,7 +130,8 @@ class App:
     def _place_panels(self) -> None:
         """Dock the panels at their initial places for the window's size."""
         docking = self.params.docking_params
-        size = imgui.get_main_viewport().size / hello_imgui.dpi_window_size_factor()
+        self._text = self.context.preferences.text
+        size = imgui.get_main_viewport().size / hello_imgui.dpi_window_size_factor() / self._text
         docking.docking_splits = self._splits(*size)
         self._width = size.x
         docking.layout_reset = True
@@ -142,11 +144,13 @@ class App:
         return next((title for title, docked in windows.items() if docked and docked.active and not docked.hidden), "")
 
     def _follow_width(self) -> None:
-        """Place the panels again after a large change of width, and where the library becomes a strip."""
-        width = imgui.get_main_viewport().size.x / hello_imgui.dpi_window_size_factor()
+        """Place the panels again for another text size, a large change of width, or to make the library a strip."""
+        text = self.context.preferences.text
+        width = imgui.get_main_viewport().size.x / hello_imgui.dpi_window_size_factor() / text
         if not width:  # there is no window yet
             return
-        if (width < _NARROW) != (self._width < _NARROW) or abs(math.log(width / self._width)) > _OTHER_WIDTH:
+        becomes_other = (width < _NARROW) != (self._width < _NARROW) or text != self._text
+        if becomes_other or abs(math.log(width / self._width)) > _OTHER_WIDTH:
             self._place_panels()
 
     def _fold_panels(self) -> None:
@@ -180,8 +184,9 @@ class App:
         window_params.show_menu_app = window_params.show_menu_view = False
         window_params.show_menu_view_themes = False
         docking = self.params.docking_params
-        docking.docking_splits = self._splits(*self._size)
-        self._width = float(self._size[0])
+        self._text = self.context.preferences.text
+        self._width = self._size[0] / self._text
+        docking.docking_splits = self._splits(self._width, self._size[1] / self._text)
         docking.dockable_windows = [self._dockable(panel) for panel in self.panels]
 
     @staticmethod
@@ -191,7 +196,7 @@ class App:
         right, left = (max(min_width, fraction * width) for min_width, fraction in (_INSPECTOR, _LIBRARY))
         library = (dirs.down, _STRIP / height) if width < _NARROW else (dirs.left, left / (width - right))
         return [
-            hello_imgui.DockingSplit("MainDockSpace", "Right", dirs.right, right / width),
+            hello_imgui.DockingSplit("MainDockSpace", "Right", dirs.right, min(right / width, _MOST)),
             hello_imgui.DockingSplit("MainDockSpace", "Left", *library),
         ]
 

@@ -434,3 +434,12 @@ def test_the_library_has_a_tab_only_beside_another_panel(window: Driver) -> None
     assert not node().is_no_tab_bar() and not node().is_hidden_tab_bar()
     window.app._reset_layout()
     window.wait(lambda: node().is_no_tab_bar())
+
+
+@in_window()
+def test_panels_are_wider_for_larger_text(window: Driver) -> None:
+    window.context.set_preference(text=1.1)
+    for title, least in (("Library", 140), ("Mix", 300)):
+        window.wait(lambda title=title, least=least: imgui.internal.find_window_by_name(title).size.x > 1.05 * least)
+    window.context.set_preference(text=1.21)  # as wide as a narrow window: the library is a strip
+    window.wait(lambda: imgui.internal.find_window_by_name("Library").size.x > 500)
