@@ -54,13 +54,11 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         ),
         Gesture("Middle or right drag", "pan: move the object in the view"),
         Gesture("Double click", "the first view again: its photo's camera, if the object has a photo"),
-        Action(
-            "reset_view", "Reset view", "Home", "the first view again: its photo's camera, if the object has a photo"
-        ),
+        Action("reset_view", "Reset view", "0", "the first view again: its photo's camera, if the object has a photo"),
         Action("see_front", "Front", "1", "see the object from the front"),
         Action("see_side", "Side", "2", "see the object from the side"),
         Action("see_top", "Top", "3", "see the object from the top"),
-        Action("see_photo", "Photo", "4", "the photo over the object, to wipe away; again: without the photo"),
+        Action("see_photo", "Photo", "4", "the photo over the object, to compare; again: without the photo"),
         Action("fold_panels", "Fold panels", "", "hide or show all panels"),
     ),
     "Library": (
@@ -89,7 +87,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Click a grey tile", "in Mine and History: find the file of a missing model"),
         Gesture("Click a photo under way", "in Mine: watch its fit from the photo's camera"),
         Gesture("Click a numbered box", "fit this one of several objects"),
-        Gesture("Wipe", "drag in the view: the photo on the left, the render on the right"),
+        Gesture("Compare", "drag in the view: the photo on the left, the render on the right"),
         Gesture("Erase", "drag over a reflection, for example, to remove it; the wheel sets the brush size"),
         Gesture("Swatch", "paint the chosen part; drag in the square of colours for any other"),
         Gesture("Eyedropper", "pick the paint from the photo or the view"),
@@ -133,7 +131,6 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
 ACTIONS: dict[str, Action] = {row.id: row for rows in TABLE.values() for row in rows if isinstance(row, Action)}
 
 
-_IN_VIEW_ONLY = ("reset_view",)  # actions whose keys work only with the mouse or the focus in the view
 _RUN: dict[str, Callable[[PanelContext], object]] = {
     "reset_view": lambda c: c.session.viewport.reset_view(),
     "see_front": lambda c: c.session.see_from("front"),
@@ -171,8 +168,8 @@ _ENABLED: dict[str, Test] = {
 }
 
 
-def run_keys(context: PanelContext, in_view: bool = False) -> None:
-    """Run the actions whose keys are pressed. Call once a frame, and once by the view with ``in_view``.
+def run_keys(context: PanelContext) -> None:
+    """Run the actions whose keys are pressed. Call once a frame.
 
     While text is typed into a field, no key runs an action.
     """
@@ -182,8 +179,7 @@ def run_keys(context: PanelContext, in_view: bool = False) -> None:
     for action in ACTIONS.values():
         keys = ", ".join(key for key in action.keys.split(", ") if not typing or "Ctrl" in key or key == "F1")
         pressed = any(map(is_pressed, chords(keys))) or any(map(is_typed, keys.split(", ")))
-        here = (action.id in _IN_VIEW_ONLY) == in_view
-        if pressed and here and _is_allowed(action, context) and action.enabled(context):
+        if pressed and _is_allowed(action, context) and action.enabled(context):
             action.run(context)
 
 

@@ -184,6 +184,7 @@ class PanelContext:
     def share(self, kind: str = "") -> None:
         """Open the Share dialog for a kind of file (:data:`viewer.values.share_settings.KINDS`) or the last one."""
         self.share_open = True
+        self.session.viewport.unfollow()  # what is shared is what is in the view, also when a fit ends
         if kind:
             self.set_preference(share=replace(self.preferences.share, kind=kind))
 

@@ -90,6 +90,7 @@ class Session:
         for name in dict.fromkeys((*shipped_models(), first)):
             self.models.open(name)
         self._begin(self.models.open(first), ViewSettings())
+        self.exporting = Exporting(self.jobs, self.editor, self.names)
 
     def _begin(self, first: Model, view: ViewSettings) -> None:
         """Create editor and activities in their initial state, with the kept objects."""
@@ -105,7 +106,6 @@ class Session:
         self.segmenting = Segmenting(jobs, self.fitting.fit)
         self.reshaping = Reshaping(jobs, self.editor, self.viewport)
         self.painting = Painting(jobs, self.editor, self.viewport, self.reshaping)
-        self.exporting = Exporting(jobs, self.editor, self.names)
 
     def _add_mine(self) -> None:
         """Add the objects of *Mine* and open their models."""
@@ -143,9 +143,8 @@ class Session:
         self.recording.tick(at_rest=not self.editor.history.gesture)
 
     def close(self) -> None:
-        """Cancel all jobs of the activities."""
+        """Cancel all jobs of the activities but an export."""
         self.fitting.close()
-        self.exporting.cancel()
         self.jobs.cancel(*_JOBS)
 
     # Models and their objects
@@ -387,6 +386,7 @@ class Session:
         self.recording.archive()
         self.project_path = None
         self._begin(self.editor.model, self.viewport.settings)
+        self.exporting.begin(self.editor, self.names)
         self.viewport.begin()
         if project:
             self._restore(project, folder)

@@ -59,6 +59,6 @@ class Answers:
             self._fitting.begin(FitRequest(replace(history, sources=sources), answered=question.number))
 
     def choose(self, sources: tuple[PhotoSource, ...], index: int, number: int, model: str = "") -> None:
-        """Fit another detected object of a photo, by its number; the most prominent one is 0."""
-        source = sources[index]._replace(hints=Hints(object=number))
+        """Fit another detected object of a photo, by its index; the most prominent one is 0."""
+        source = sources[index]._replace(hints=Hints(object=number + 1))
         self._fitting.fit(*sources[:index], source, *sources[index + 1 :], model=model)

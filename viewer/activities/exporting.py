@@ -22,20 +22,24 @@ Variants = dict[str, Instance]  # versions of an object in one file, by name
 
 
 class Exporting:
-    """Exports one file at a time."""
+    """Exports one file at a time, to its end even if another project is begun meanwhile."""
 
     def __init__(self, jobs: Jobs, editor: Editor, names: Names) -> None:
         self._jobs = jobs
-        self._editor = editor
-        self._names = names
-        self.preview = SharePreview(jobs, editor)
-        self.films = FilmPreviews(jobs, editor)
+        self.begin(editor, names)
         self.path: Path | None = None  # the file being written
         self.kind = ""  # kind of the last file: one of :data:`~viewer.values.share_settings.KINDS`
         self.saved: Path | None = None  # the last written file
         self.progress = 0.0  # finished fraction of the current file, 0..1
         self._note = ""  # of the current file, for a person
         self._began = 0.0, 0.0  # time (s, monotonic clock) and finished fraction of the first progress
+
+    def begin(self, editor: Editor, names: Names) -> None:
+        """Export the objects of an editor from now on."""
+        self._editor = editor
+        self._names = names
+        self.preview = SharePreview(self._jobs, editor)
+        self.films = FilmPreviews(self._jobs, editor)
 
     @property
     def running(self) -> bool:

@@ -368,4 +368,6 @@ class Fitting:
         return ready
 
     def _fitted(self, step: FitStep) -> EditableObject:
-        return EditableObject(self.history.name, step.instance, True, step.confidence)
+        photos = len(step.cameras) - len(step.left_out)
+        name = f"{self.history.name}, {photos} photos" if photos > 1 else self.history.name
+        return EditableObject(name, step.instance, True, step.confidence)

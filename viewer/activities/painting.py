@@ -39,6 +39,7 @@ class Painting:
         self._viewport = viewport
         self._reshaping = reshaping
         self._part = ""  # chosen part
+        self.popup_part = ""  # whose colours an open popup shows
         self._largest: tuple[Instance, str] | None = None  # an object as fitted, and its largest part when first seen
         self._drag: _Choice | None = None  # the latest choice of a drag in progress
         self._due: tuple[_Choice, ...] = ()  # that the object does not have yet; it is being painted with the first

@@ -36,7 +36,7 @@ class HistoryStrip:
     """
 
     def __init__(self) -> None:
-        self._scrolled_to = -1  # index of the step that was last scrolled to
+        self._scrolled_to = -1, 0.0  # step that was last scrolled to, and width of the strip then
         self._history: History | None = None  # history of the values below, kept while it is the same
         self._groups: tuple[tuple[Edit, ...], ...] = ()
         self._branches: tuple[Branch, ...] = ()
@@ -112,9 +112,10 @@ class HistoryStrip:
             tooltip(_tooltip(tile, is_current))
             frame = _thumbnail(context, state, is_current and bool(history.gesture))
             object_tiles.paint_frame(context, frame, low, side)
-        if is_current and self._scrolled_to != current:
+        seen = current, imgui.get_window_width()
+        if is_current and self._scrolled_to != seen:
             imgui.set_scroll_here_x()
-            self._scrolled_to = current
+            self._scrolled_to = seen
         _draw_marks(context, tile, is_current, low, side)
         return corner + ImVec2(side, 0)
 

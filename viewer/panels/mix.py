@@ -37,7 +37,7 @@ class MixPanel(Panel):
         editor = context.session.editor
         corner = imgui.get_cursor_screen_pos()
         cell = side / STEPS
-        if imgui.get_io().nav_visible:
+        if imgui.get_io().nav_visible and not imgui.is_mouse_hovering_rect(corner, corner + ImVec2(side, side)):
             over = self._draw_cells(context, corner, cell)
         else:
             imgui.invisible_button("mix pad", (side, side))

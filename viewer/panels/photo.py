@@ -19,6 +19,7 @@ from viewer.widgets.comparison import object_pixels
 from viewer.widgets.controls import (
     button,
     end_gesture,
+    flow,
     labelled_slider,
     tooltip,
 )
@@ -31,15 +32,17 @@ from viewer.widgets.welcome import draw_samples, nouns
 
 _AGAIN = f"Try again  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
 _TOOLS = {
-    "wipe": ("Wipe", "Drag in the view: the photo on the left, the render on the right"),
+    "wipe": ("Compare", "Drag in the view: the photo on the left, the render on the right"),
     "erase": (
         "Erase",
         "Drag over a reflection, say, to take it off the object; the wheel sets the size of the brush",
     ),
 }  # labels and tooltips of tools over the view
 _LOST_HELP = "Open the photo again to fit it anew"
-_VIEWPOINT_HELP = """See the object from the camera that explains the photo next best, mostly from behind;
-and from the first one again"""
+_VIEWPOINT_HELP = (
+    "Look from the side that the photo may show instead, mostly the opposite one; the object stays as it is"
+)
+_FROM_HERE_HELP = "Fit again from this side, as a new object"
 _VIEW_HELP = "For a camera that was not found: turn the object in the view until it looks as in the photo, then click"
 _DETAIL_HELP = """How much of the photo's own detail the object shows, such as its outline and lettering, in files too.
 A doubtful camera shows none."""
@@ -101,9 +104,11 @@ def _draw_object(context: PanelContext, history: FitHistory) -> None:
         imgui.same_line()
         _draw_again(context, fitting, history)
     _draw_verdict(context, fitting, history)
+    mix = session.editor.state.mix
     if detail := session.editor.scene.instance.detail:
-        context.hints.ring = detail.azimuths
-        draw_unseen_side(context, history, detail)
+        if not (mix.shape or mix.texture):  # else it has B's photos, or a part of both
+            context.hints.ring = detail.azimuths
+            draw_unseen_side(context, history, detail)
         _draw_tools(context)
     draw_paint(context)
     if detail:
@@ -162,7 +167,7 @@ def _draw_verdict(context: PanelContext, fitting: Fitting, history: FitHistory) 
         words = f"{len(history.photos)} photos {'agree' if agree else 'disagree'}"
         if step.left_out:
             words = f"{history.photos[step.left_out[0]].source.name} shows another object"
-        _draw_dot_and_words(context, words, "sure" if agree else "doubtful")
+        _draw_dot_and_words(context, words, "doubtful" if not agree else in_words(confidence) if confidence else "sure")
         tooltip("Whether one object, seen from the cameras that were found, explains all of them")
         return
     if confidence is None:
@@ -172,8 +177,13 @@ def _draw_verdict(context: PanelContext, fitting: Fitting, history: FitHistory) 
     tooltip(f"{confidence:.0%}: the probability that it is right to {RIGHT_DEGREES:.0f} degrees")
     if sure != "sure" and history is fitting.history and step and step.runner_up:
         imgui.same_line()
-        if button("Other viewpoint###viewpoint", _VIEWPOINT_HELP):
-            fitting.view.show_viewpoint(not fitting.view.from_runner_up)
+        is_other = fitting.view.from_runner_up
+        if button(f"{'First' if is_other else 'Other'} viewpoint###viewpoint", _VIEWPOINT_HELP):
+            fitting.view.show_viewpoint(not is_other)
+        if is_other:
+            flow("Fit from here")
+            if button("Fit from here###fit from here", _FROM_HERE_HELP, enabled=not fitting.running):
+                fitting.resume_from_view()
 
 
 def _draw_dot_and_words(context: PanelContext, words: str, sure: str) -> None:

@@ -234,7 +234,7 @@ def _sources(shares: tuple[float, float] | None) -> str:
     if shares is None:
         return "Comparing with the photo …"
     photo, mirrored = shares
-    return f"Photo {photo:.0%}, mirror image {mirrored:.0%}, model {1 - photo - mirrored:.0%}"
+    return f"{photo:.0%} as in the photo, {mirrored:.0%} mirrored, {1 - photo - mirrored:.0%} guessed"
 
 
 def _draw_dimensions(settings: ShareSettings) -> ShareSettings:

@@ -6,7 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.detail.progressive import Frame
-from viewer.actions import chords, is_pressed, is_typed, run_keys
+from viewer.actions import chords, is_pressed, is_typed
 from viewer.context import Hints, Panel, PanelContext
 from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, WARM, packed
 from viewer.values import orbit
@@ -26,7 +26,7 @@ _BUTTONS = {
     "share": icons_fontawesome_4.ICON_FA_SHARE_ALT,
 }  # icons of buttons, by actions' ids
 _HINT = "Drag to turn    Wheel to zoom    F1 for help"  # between the buttons, if there is room
-_COVERED, _FREE = 4, 6  # divisors of the height: most that may be covered, and what the history may cover in place
+_COVERED, _FREE = 4, 8  # divisors of the height: most that may be covered, and what the history may cover in place
 _NARROW = 26.0  # em: a narrower view has buttons without words
 _STILL = 3.0  # px of motion from which a click is a drag
 _ENOUGH = 0.5  # fraction of the view's px below which an image counts as a preview
@@ -146,7 +146,6 @@ class ViewPanel(Panel):
         if imgui.is_window_focused() and imgui.is_key_pressed(imgui.Key.tab):
             imgui.set_window_focus("Library")
             imgui.set_nav_cursor_visible(True)
-        run_keys(context, in_view=True)
 
     def _nudge(self, context: PanelContext, camera: orbit.Camera, gesture: str) -> None:
         context.set_preference(newcomer=False)

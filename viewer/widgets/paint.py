@@ -43,14 +43,19 @@ def draw_paint(context: PanelContext) -> None:
 
 def draw_colour_popup(context: PanelContext, name: str, swatches: bool = False) -> None:
     """Draw the popup of the part's colours if it is open: the square and, if asked, swatches above it."""
+    painting = context.session.painting
     if imgui.begin_popup(name):
+        if imgui.is_window_appearing():
+            painting.popup_part = painting.part
+        elif painting.part != painting.popup_part:  # after an undo, say, which shows another object
+            imgui.close_current_popup()
         if swatches:
-            imgui.text(context.session.painting.part.capitalize())
+            imgui.text(painting.part.capitalize())
             _draw_swatches(context, _SQUARE[0] * hello_imgui.em_size())
         _draw_square(context)
         imgui.end_popup()
     elif not imgui.is_mouse_down(imgui.MouseButton_.left):
-        context.session.painting.release()  # a drag that ended with the square
+        painting.release()  # a drag that ended with the square
 
 
 def _draw_swatches(context: PanelContext, room: float) -> None:

@@ -53,7 +53,6 @@ class PartHandle:
         low, high = self._name_box
         if self._lit and low.x <= mouse.x < high.x and low.y <= mouse.y < high.y:
             if _takes_paint(context, self._lit[1]):
-                context.session.painting.part = self._lit[1].part
                 imgui.open_popup(_POPUP)
             self._lit = None
         else:
@@ -75,6 +74,8 @@ class PartHandle:
             handle = visible.handle_at((position.x / size.x, position.y / size.y))
             self._lit = (visible, handle) if handle else None
             self._click = None
+            if handle and _takes_paint(context, handle):
+                session.painting.part = handle.part
 
     def _draw_handle(self, context: PanelContext, handle: Handle, middle: ImVec2) -> None:
         """Draw the handle and react to its drag."""

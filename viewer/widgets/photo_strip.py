@@ -10,10 +10,10 @@ from core.models.photo_detail import PhotoDetail
 from core.photos.decode import IMAGE_SUFFIXES
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
-from viewer.screen.theme import packed
 from viewer.values.fit_history import FitHistory
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import button, tooltip
+from viewer.widgets.text import paint_on_plate
 
 _TILE, _GAP = 3.2, 0.4  # em
 _PLUS = icons_fontawesome_4.ICON_FA_PLUS
@@ -82,8 +82,8 @@ def _draw_photo(context: PanelContext, history: FitHistory, number: int, side: f
     selected = number == history.photo_index and len(history.sources) > 1
     object_tiles.outline(corner, side, context.palette.accent if selected else context.palette.line)
     if source.side:
-        low = corner + ImVec2(0.2 * hello_imgui.em_size(), side - imgui.get_text_line_height())
-        imgui.get_window_draw_list().add_text(low, packed(context.palette.accent), source.side.capitalize())
+        pad = ImVec2(0.2, 0.0) * hello_imgui.em_size()
+        paint_on_plate(corner + ImVec2(pad.x, side - imgui.get_text_line_height()), source.side.capitalize(), pad)
 
 
 def _draw_menu(context: PanelContext, history: FitHistory, number: int) -> None:

@@ -12,6 +12,7 @@ _HANDLES = icons_fontawesome_4.ICON_FA_ARROWS_ALT
 _NATURAL = icons_fontawesome_4.ICON_FA_UNDO
 _BOX = "Drag the sides of a box around the object, and its legs or roof"
 _BUTTON = 2.0  # em, width of a button
+_TITLES = {("cars", "depth"): "Length"}  # by category and length; others are named as in the core
 _SPEED = 0.5  # % of a length per px of a drag
 _FINE = 20.0  # cm below which a length has a decimal
 
@@ -46,7 +47,8 @@ def draw_size(context: PanelContext) -> None:
 
 def _draw_length(context: PanelContext, name: str, length: float) -> None:
     """Draw a field for a length in cm; 0 is not known, and cannot be changed."""
-    title = name.capitalize()
+    category = context.session.editor.model.category
+    title = _TITLES.get((category, name), name.capitalize())
     text = f"{title} {_format(length)} cm" if length else title
     moved, to = imgui.drag_float(f"##{title}", length, max(0.01, _SPEED * length / 100), 0.0, 0.0, text)
     if moved and length and to > 0 and abs(to - length) > 1e-6:

@@ -39,7 +39,9 @@ def colour_of(added: EditableObject) -> Colour:
 def about(added: EditableObject) -> str:
     """Return a line for the tooltip of a fitted object; "" for any other."""
     sure = "" if added.confidence is None else f", the camera right with a probability of {added.confidence:.0%}"
-    return f"\nFitted to a photo{sure}" if added.fitted else ""
+    detail = added.instance.detail
+    photos = "photos" if detail and len(detail.views) > 1 else "a photo"
+    return f"\nFitted to {photos}{sure}" if added.fitted else ""
 
 
 class UserObjectMenu:

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageOps
 
 from core.models.library import sample_images
 from core.photos import detector
@@ -36,14 +36,26 @@ def test_two_objects_are_detected_and_chosen_by_number_or_point():
     detections = [detection for detection in detect(on_white(image)) or () if detection.score > 0.3]
     middles = sorted((detection.box[0] + detection.box[2]) / 2 for detection in detections[:2])
     assert middles[0] < 0.5 < middles[1]
-    for number, detection in enumerate(detections[:2]):
+    for number, detection in enumerate(detections[:2], 1):
         cut = cut_out(image, Hints(object=number))
         assert detection_of(cut.mask, detections) == detection
         left, top, right, bottom = detection.box
         middle = (left + right) / 2, (top + bottom) / 2
         np.testing.assert_array_equal(cut_out(image, Hints(points=(middle,))).mask, cut.mask)
     with pytest.raises(ValueError, match="there is no object 99"):
-        cut_out(image, Hints(object=98))
+        cut_out(image, Hints(object=99))
+
+
+def test_a_chosen_object_is_cut_out_of_a_framed_photo():
+    """The frame looks like a plain background, and all of the photo like the object."""
+    pair = side_by_side(sample_images("cars")[0], sample_images("cars")[1])
+    photo = Image.effect_noise(pair.size, 60).convert("RGBA")
+    cars = Image.fromarray((255 * cut_out(pair).mask).astype(np.uint8))
+    photo.paste(pair.convert("RGB"), (0, 0), cars)
+    framed = ImageOps.expand(photo.convert("RGB"), 40, "black").convert("RGBA")
+    detections = detect(on_white(framed))
+    for number, detection in enumerate(detections[:2], 1):
+        assert detection_of(cut_out(framed, Hints(object=number)).mask, detections) == detection
 
 
 def test_noise_and_a_single_pixel_have_no_detections():

@@ -63,6 +63,18 @@ def test_the_time_left_does_not_count_preparation(session: Session, clock: Clock
     exporting.cancel()
 
 
+def test_an_export_goes_on_in_a_new_project(session: Session, tmp_path: Path) -> None:
+    path = tmp_path / "turn.gif"
+    session.exporting.share(path, ShareSettings("turntable", size=16))
+    session.new()
+    finish(session, lambda: not session.exporting.running)
+    assert path.exists()
+    assert session.messages.errors == []
+    session.exporting.share(tmp_path / "next.png", ShareSettings("picture", size=16))
+    finish(session, lambda: not session.exporting.running)
+    assert (tmp_path / "next.png").exists()
+
+
 _REFUSED = {
     "mesh": "a.stl a missing/a.glb mist.glb",  # the tiny model is a mist: it has no surface
     "turntable": "turn.avi turn missing/turn.mp4 missing/turn.gif",

@@ -70,7 +70,7 @@ def test_one_of_several_prominent_objects_is_chosen_by_its_number(session: Sessi
     session.jobs.backend = replace(session.jobs.backend, cut_out=noted)
     session.answers.choose(question.request.history.sources, 0, 1)
     finish(session, lambda: not fitting.pending)
-    assert hints == [Hints(object=1)]
+    assert hints == [Hints(object=2)]
     assert session.editor.objects.own == ["block"]
 
 

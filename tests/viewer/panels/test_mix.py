@@ -35,6 +35,17 @@ def test_the_keyboard_reaches_every_mix(window: Driver) -> None:
 
 
 @in_window()
+def test_a_drag_after_a_key_is_not_lost(window: Driver) -> None:
+    window.click("Mix/slot B")
+    window.press(imgui.Key.down_arrow)
+    assert imgui.get_io().nav_visible
+    corner = window.ctx.item_info("//Mix/slot B").rect_full.get_bl()
+    window.ctx.mouse_move_to_pos(corner + ImVec2(60, 60))
+    window.drag("Mix/mix pad", 60, 0)
+    assert window.session.editor.state.mix.shape > 0.5
+
+
+@in_window()
 def test_the_pad_mixes_shape_across_and_texture_upwards(window: Driver, model: Model) -> None:
     editor = window.session.editor
     window.click("Library/**/show object 2")

@@ -141,8 +141,13 @@ def test_a_doubtful_fit_alone_offers_its_other_viewpoint(drive: Drive, backend: 
         assert editor.scene.instance == after_fit.scene.instance
         window.click("Photo/###viewpoint")
         assert editor.scene.camera.azimuth == pytest.approx(1.0)
+        assert not window.exists("Photo/###fit from here")
         window.undo()
         assert editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
+        window.click("Photo/###viewpoint")
+        window.click("Photo/###fit from here")
+        window.wait(lambda: not session.fitting.running)
+        assert len(editor.objects.own) == 2
 
     drive(act, replace(backend, fit=rated))
 
@@ -242,7 +247,7 @@ def test_a_click_on_a_numbered_box_fits_that_object(window: Driver, photo: Path)
     window.click("Photo/object 2")  # the other one, later
     window.wait(lambda: not fitting.running)
     assert editor.objects.own == ["block (2)", "block"]
-    assert fitting.shown.sources[0].hints == Hints(object=1)
+    assert fitting.shown.sources[0].hints == Hints(object=2)
 
 
 @in_window(paint=quick_paint, paint_colour=quick_colour)
@@ -365,22 +370,30 @@ def test_several_photos_are_fitted_together(drive: Drive, photo: Path, tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("psnr", "second", "left_out", "words"),
+    ("margin", "psnr", "second", "left_out", "words"),
     [
-        (30, "cars", (), "sure"),
-        (12, "cars", (), "doubtful"),
-        (30, "chairs", (), "doubtful"),
-        (30, "cars", (1,), "doubtful"),
+        (9, 30, "cars", (), "sure"),
+        (0, 30, "cars", (), "doubtful"),  # as the dot of its tile
+        (9, 12, "cars", (), "doubtful"),
+        (9, 30, "chairs", (), "doubtful"),
+        (9, 30, "cars", (1,), "doubtful"),
     ],
 )
 def test_several_photos_agree_or_not_by_a_dot(
-    drive: Drive, backend: Backend, photo: Path, psnr: float, second: str, left_out: tuple[int, ...], words: str
+    drive: Drive,
+    backend: Backend,
+    photo: Path,
+    margin: float,
+    psnr: float,
+    second: str,
+    left_out: tuple[int, ...],
+    words: str,
 ) -> None:
     second_photo = photo.with_name("block two.png")
     second_photo.write_bytes(photo.read_bytes())
 
     def rated(model: Model, job: FitJob) -> Iterator[FitStep]:
-        return (replace(step, psnr=psnr, left_out=left_out) for step in quick_fit(model, job))
+        return (replace(step, margin=margin, psnr=psnr, left_out=left_out) for step in quick_fit(model, job))
 
     def told(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
         category = second if source.path == second_photo else "cars"

@@ -1,6 +1,7 @@
 import base64
 import io
 import re
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,6 +18,8 @@ from PIL import Image
 
 from core.edits.paint import PartPaint
 from core.export.page import PageExtras
+from core.fitting.problem import FitJob
+from core.fitting.steps import FitStep
 from core.metrics import psnr
 from core.models.field import Field
 from core.models.missing import MissingInstance
@@ -25,6 +28,7 @@ from core.models.scene import Scene, save_image
 from core.runtime.files import atomic_file
 from tests.conftest import image_size
 from tests.viewer.driver import Drive, Driver, in_window
+from tests.viewer.stand_ins import quick_fit
 from viewer.services.backend import Backend
 
 
@@ -53,6 +57,30 @@ def test_files_are_saved_in_one_click_beside_the_last_one(window: Driver, tmp_pa
     window.wait(lambda: len(list(tmp_path.iterdir())) == 3 and not window.session.exporting.running)
     names = sorted(path.stem for path in tmp_path.glob("*.png"))
     assert names[1] == f"{names[0]}-2" and names[0].endswith("-picture")
+
+
+def test_share_keeps_its_object_when_a_fit_ends(drive: Drive, backend: Backend, photo: Path) -> None:
+    may_end = threading.Event()
+
+    def held(model: Model, job: FitJob) -> Iterator[FitStep]:
+        *steps, last = quick_fit(model, job)
+        yield from steps
+        while not may_end.is_set():
+            yield steps[-1]
+        yield last
+
+    def act(window: Driver) -> None:
+        editor = window.session.editor
+        before = editor.scene.instance
+        window.context.drop([str(photo)])
+        window.wait(lambda: bool(window.session.fitting.history.steps))
+        window.press(imgui.Key.mod_ctrl, imgui.Key.e)
+        may_end.set()
+        window.wait(lambda: not window.session.fitting.running)
+        assert editor.objects.own == ["block"]
+        assert editor.scene.instance is before
+
+    drive(act, replace(backend, fit=held))
 
 
 def test_a_page_is_saved_in_four_actions_and_begins_like_its_preview(

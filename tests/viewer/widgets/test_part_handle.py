@@ -125,8 +125,8 @@ def test_a_click_on_the_name_opens_the_colours_of_its_part(drive: Drive, backend
         before = editor.scene.instance
         for across, part in ((0.05, "back"), (-0.05, "seat")):
             _light_up(window, across)
+            assert window.session.painting.part == part  # which a swatch of the panel would paint
             _click_name(window)
-            assert window.session.painting.part == part
             assert editor.scene.instance is before
             assert window.exists("$FOCUSED/###swatch 1")
             window.ctx.popup_close_all()
