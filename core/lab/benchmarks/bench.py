@@ -10,6 +10,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields
 from itertools import product
 from pathlib import Path
 from types import ModuleType
@@ -18,8 +19,8 @@ from typing import NamedTuple
 from joblib import Parallel, delayed, parallel_config
 
 from core.lab.benchmarks import disentanglement, exports, fits, frames, stability
-from core.lab.benchmarks.held_out_views import held_out_view
-from core.lab.benchmarks.results import append_rows, keys_of, read_frame, write_frame
+from core.lab.benchmarks.held_out_views import Trial, held_out_view
+from core.lab.benchmarks.results import append_rows, read_frame, write_frame
 from core.lab.datasets.splits import evenly_spaced
 from core.lab.datasets.srn import index_objects
 from core.models.library import shipped_models
@@ -32,7 +33,7 @@ BENCHMARKS: dict[str, ModuleType] = {
     "exports": exports,
     "disentanglement": disentanglement,
 }  # by the names of their CSV files
-KEY = "category", "name", "number", "case"  # columns that tell the rows' tasks apart
+KEY = [field.name for field in fields(Trial)]  # columns that tell the rows' tasks apart
 _ONCE = ("frames", "exports", "disentanglement")  # benchmarks that measure one view of an object
 
 
@@ -112,13 +113,12 @@ def _finished(path: Path, conditions: Mapping[str, str]) -> set[tuple]:
     if not path.exists():
         return set()
     frame = read_frame(path, (*KEY, "commit", "processor"))
-    current = (frame.commit == conditions["commit"]) & (frame.processor == conditions["processor"])
-    if not current.any():
+    current = frame[(frame.commit == conditions["commit"]) & (frame.processor == conditions["processor"])]
+    if current.empty:
         path.unlink()
-        return set()
-    if not current.all():
-        write_frame(path, frame[current])
-    return keys_of(frame[current], KEY)
+    elif len(current) < len(frame):
+        write_frame(path, current)
+    return set(current[KEY].itertuples(index=False, name=None))
 
 
 def _results(tasks: Iterator[Task], datasets: tuple[Path, ...]) -> Iterator[tuple[Task, Sequence[object]]]:

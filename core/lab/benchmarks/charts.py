@@ -3,11 +3,12 @@
 Chairs and cars have a colour and a marker each; n and date stand in the corner.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -57,6 +58,18 @@ def _log_scale(axes: Axes, *names: str) -> None:
         axis.set_minor_locator(NullLocator())
 
 
+def _by_category(frame: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame, str, str]]:
+    """Yield each category, its rows, its colour and its marker."""
+    for kind, group in frame.groupby("category", sort=False):
+        yield str(kind), group, *_STYLE.get(str(kind), _OTHER)
+
+
+def _label(axes: Axes, text: str, point: Iterable[float], colour: str, shift: tuple[int, int] = (5, 4)) -> None:
+    """Write small text beside a point, ``shift`` points (1/72 inch) to the right of it and above."""
+    x, y = point
+    axes.annotate(text, (x, y), shift, textcoords="offset points", fontsize=7, color=colour)
+
+
 def _bars(mean: Mean) -> list[list[float]]:
     """Return the interval's distances below and above its mean, as matplotlib's error bars take them."""
     return [[mean.mean - mean.low], [mean.high - mean.mean]]
@@ -76,18 +89,11 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     return best
 
 
-def speed_chart(frames: Frames) -> Figure:
+def _speed_chart(frames: Frames) -> Figure:
     """Draw the time of a fit against degrees and against dB of other views, with the Pareto line."""
     trials = frames["fits"][frames["fits"].case.isin(SPEED)]
     figure, (left, right) = _figure(2)
-    for (kind, group), shift in zip(trials.groupby("category", sort=False), cycle((5, -11)), strict=False):
-        colour, marker = _STYLE.get(str(kind), _OTHER)
-        label_style: dict[str, Any] = {
-            "xytext": (5, shift),
-            "textcoords": "offset points",
-            "fontsize": 7,
-            "color": colour,
-        }
+    for (kind, group, colour, marker), shift in zip(_by_category(trials), cycle((5, -11)), strict=False):
         methods = {name: group[group.case == name] for name in SPEED if (group.case == name).any()}
         seconds = {name: method.seconds.median() for name, method in methods.items()}
         worth = {name: mean_of(method["novel.psnr"]) for name, method in methods.items()}
@@ -95,16 +101,13 @@ def speed_chart(frames: Frames) -> Figure:
             size = 11 if name == DEFAULT else 5
             error = max(method.rotation.median(), 0.1)
             left.plot(seconds[name], error, marker, color=colour, ms=size)
-            left.annotate(name, (seconds[name], error), **label_style)
-            right.errorbar(
-                seconds[name], worth[name].mean, _bars(worth[name]), fmt=marker, color=colour, ms=size, lw=0.6
-            )
+            _label(left, name, (seconds[name], error), colour, (5, shift))
             point = (seconds[name], worth[name].mean)
-            label = f"{name} (default)" if name == DEFAULT else name
-            right.annotate(label, point, **label_style)
+            right.errorbar(*point, _bars(worth[name]), fmt=marker, color=colour, ms=size, lw=0.6)
+            _label(right, f"{name} (default)" if name == DEFAULT else name, point, colour, (5, shift))
         line = pareto([(seconds[name], worth[name].mean) for name in methods])
-        right.plot(*zip(*line, strict=True), color=colour, alpha=0.5, label=str(kind))
-        left.plot([], [], marker, color=colour, label=str(kind))
+        right.plot(*zip(*line, strict=True), color=colour, alpha=0.5, label=kind)
+        left.plot([], [], marker, color=colour, label=kind)
     left.set(ylabel="error of the camera (degrees, median)")
     left.axhline(RIGHT_DEGREES, color=_GREY, lw=0.6, ls=":")
     right.set(ylabel="other views (dB, 95 % intervals)")
@@ -118,8 +121,7 @@ def speed_chart(frames: Frames) -> Figure:
     return figure
 
 
-def frames_chart(frames: Frames) -> Figure:
-    """Draw milliseconds against the error of each renderer, a panel for each size."""
+def _frames_chart(frames: Frames) -> Figure:
     timings = frames["frames"]
     figure, panels = _figure(len(SIZES), width=3.6, ratio=1.0)
     for axes, size in zip(panels, SIZES, strict=True):
@@ -128,7 +130,7 @@ def frames_chart(frames: Frames) -> Figure:
             means = group.groupby("samples")[["milliseconds", "psnr"]].mean()
             axes.plot(means.milliseconds, means.psnr, f"{marker}-", color=colour, label=renderer)
             for samples, row in means.iterrows():
-                axes.annotate(f"{samples}", tuple(row), (4, 4), textcoords="offset points", fontsize=7, color=colour)
+                _label(axes, f"{samples}", row, colour, (4, 4))
         axes.set(title=f"{size} px", xlabel="processor ms of an image")
         axes.margins(x=0.2)
         if (timings["size"] == size).any():
@@ -140,16 +142,14 @@ def frames_chart(frames: Frames) -> Figure:
     return figure
 
 
-def exports_chart(frames: Frames) -> Figure:
-    """Draw seconds against the size of each kind of file."""
+def _exports_chart(frames: Frames) -> Figure:
     trials = frames["exports"]
     figure, (axes,) = _figure(1, width=5.6)
-    for kind, group in trials.groupby("category", sort=False):
-        colour, marker = _STYLE.get(str(kind), _OTHER)
+    for kind, group, colour, marker in _by_category(trials):
         means = group.groupby("case", sort=False)[["seconds", "megabytes"]].mean()
-        axes.plot(means.seconds, means.megabytes, marker, color=colour, label=str(kind))
+        axes.plot(means.seconds, means.megabytes, marker, color=colour, label=kind)
         for name, row in means.iterrows():
-            axes.annotate(str(name), tuple(row), (5, 4), textcoords="offset points", fontsize=7, color=colour)
+            _label(axes, str(name), row, colour)
     axes.set(xlabel="seconds of one core (mean)", ylabel="size of the file (MB, mean)")
     axes.margins(0.15)
     _log_scale(axes, "x", "y")
@@ -158,7 +158,7 @@ def exports_chart(frames: Frames) -> Figure:
     return figure
 
 
-def stability_chart(frames: Frames) -> Figure:
+def _stability_chart(frames: Frames) -> Figure:
     """Draw successes against how wrong the input is: a panel for each stressor.
 
     Lines are fractions of right cameras, dotted for the paper's recipe; bars are the doubted fraction of wrong results.
@@ -201,7 +201,7 @@ def _draw_doubts(axes: Axes, wrong: pd.DataFrame, levels: Sequence[float], index
     axes.bar(doubted.index + offset, doubted, 0.05 * span, color=colour, alpha=0.25)
 
 
-def freedom_chart(frames: Frames) -> Figure:
+def _freedom_chart(frames: Frames) -> Figure:
     """Draw dB of other views against the numbers that are free, a line for each number of photos."""
     trials = level_rows(frames["fits"])
     kinds = list(trials.category.unique())
@@ -211,13 +211,13 @@ def freedom_chart(frames: Frames) -> Figure:
         free = group.groupby("level", sort=False).free.first()
         for photos, (colour, marker) in _PHOTOS.items():
             rows = group[group.photos == photos]
-            means = {level: mean_of(rows["novel.psnr"][rows.level == level]) for level in LEVELS}
-            means = {level: mean for level, mean in means.items() if mean.mean == mean.mean}
-            positions = [list(LEVELS).index(level) for level in means]
-            bars = [[bar[0] for bar in side] for side in zip(*(_bars(mean) for mean in means.values()), strict=True)]
+            levels = [level for level in LEVELS if (rows.level == level).any()]
+            means = [mean_of(rows["novel.psnr"][rows.level == level]) for level in levels]
+            positions = [LEVELS.index(level) for level in levels]
             label = f"{photos} photo{'s' if photos > 1 else ''}"
             if means:
-                values = [mean.mean for mean in means.values()]
+                values = [mean.mean for mean in means]
+                bars = np.hstack([_bars(mean) for mean in means])
                 axes.errorbar(positions, values, bars, fmt=f"{marker}-", color=colour, lw=1, ms=5, label=label)
         ticks = [f"{level}\n{free[level]:,}" if level in free else level for level in LEVELS]
         axes.set_xticks(range(len(LEVELS)), ticks, fontsize=7)
@@ -242,11 +242,11 @@ class Chart(NamedTuple):
 
 
 CHARTS = {
-    "speed": Chart(speed_chart, "Seconds of one core against degrees and dB, by method", ("fits",)),
-    "frames": Chart(frames_chart, "Milliseconds against dB to the exact render, by renderer", ("frames",)),
-    "exports": Chart(exports_chart, "Seconds against size, by kind of file", ("exports",)),
-    "stability": Chart(stability_chart, "Right cameras against how wrong the input is", ("stability", "fits")),
-    "freedom": Chart(freedom_chart, "dB of other views against the numbers that are free, by photos", ("fits",)),
+    "speed": Chart(_speed_chart, "Seconds of one core against degrees and dB, by method", ("fits",)),
+    "frames": Chart(_frames_chart, "Milliseconds against dB to the exact render, by renderer", ("frames",)),
+    "exports": Chart(_exports_chart, "Seconds against size, by kind of file", ("exports",)),
+    "stability": Chart(_stability_chart, "Right cameras against how wrong the input is", ("stability", "fits")),
+    "freedom": Chart(_freedom_chart, "dB of other views against the numbers that are free, by photos", ("fits",)),
 }  # by file name
 
 

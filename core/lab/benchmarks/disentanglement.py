@@ -7,7 +7,7 @@ another's texture finds both: with its first texture the shape looks as before, 
 from dataclasses import dataclass
 
 from core.fitting.fit import PRESETS, FitJob, fit
-from core.lab.benchmarks.held_out_views import HeldOutView, render_on_white
+from core.lab.benchmarks.held_out_views import HeldOutView, Trial, render_on_white
 from core.metrics import psnr
 from core.models.model import Instance
 from core.photos.photo import Photo
@@ -18,13 +18,9 @@ _SCORED = 3  # cameras from which results are compared
 
 
 @dataclass(frozen=True)
-class ExchangeTrial:
+class ExchangeTrial(Trial):
     """An object in another's texture."""
 
-    category: str
-    name: str  # of the object
-    number: int
-    case: str
     partner: str  # the object whose texture it takes
     n: int  # compared images
     opacity: float  # largest change of a pixel's opacity, 0..1
@@ -57,7 +53,7 @@ def measure(view: HeldOutView, case: str) -> tuple[ExchangeTrial, ...]:
 
     opacities = ([render_image(side, camera).opacity for camera in scored] for side in (instance, exchanged))
     trial = ExchangeTrial(
-        *(view.model.category, view.views.name, view.number, case, view.partner.name, len(scored)),
+        *(*view.key(case), view.partner.name, len(scored)),
         opacity=max(float((first - second).abs().max()) for first, second in zip(*opacities, strict=True)),
         exchanged=similarity(fitted, exchanged),
         shape=similarity(fitted.with_texture(instance), instance),

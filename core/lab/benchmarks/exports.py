@@ -1,7 +1,6 @@
 """Exports: seconds and size of each kind of file."""
 
 import tempfile
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -13,7 +12,7 @@ from core.export.mesh import MeshSettings, export_mesh
 from core.export.page import first_camera, write_page
 from core.export.video import write_video
 from core.geometry.camera import Camera
-from core.lab.benchmarks.held_out_views import HeldOutView
+from core.lab.benchmarks.held_out_views import HeldOutView, Trial, timed
 from core.models.model import Instance
 
 _SIDE = 384  # px of a video's frames
@@ -22,13 +21,9 @@ _TEXTURE = 1024  # px
 
 
 @dataclass(frozen=True)
-class ExportTrial:
+class ExportTrial(Trial):
     """A file of a fitted object."""
 
-    category: str
-    name: str  # of the object
-    number: int
-    case: str
     n: int  # files
     seconds: float  # of the processor
     megabytes: float
@@ -67,13 +62,8 @@ def cases(quick: bool) -> tuple[str, ...]:
 def measure(view: HeldOutView, case: str) -> tuple[ExportTrial]:
     """Write a file of a fitted object; videos and pages need OpenGL to be fast."""
     suffix, write = _EXPORTS[case]
-    camera = view.usual_camera
-    instance = view.instance
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"object{suffix}"
-        began = time.process_time()
-        for _ in write(instance, camera, path):
-            pass
-        seconds = time.process_time() - began
-        megabytes = path.stat().st_size / 1e6
-    return (ExportTrial(view.model.category, view.views.name, view.number, case, 1, seconds, megabytes),)
+        stream = write(view.instance, view.usual_camera, path)
+        seconds, _ = timed(partial(list, stream))
+        return (ExportTrial(*view.key(case), 1, seconds, path.stat().st_size / 1e6),)

@@ -8,7 +8,7 @@ import math
 import time
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -18,10 +18,8 @@ from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
 from core.fitting.network import MIN_PHOTOS
 from core.fitting.paper import fit_as_set
 from core.fitting.settings import ALL_COMPONENTS, Components
-from core.geometry.camera import Camera
-from core.lab.benchmarks.held_out_views import SCORED_VIEWS, HeldOutView
+from core.lab.benchmarks.held_out_views import SCORED_VIEWS, HeldOutView, Trial
 from core.lab.evaluation.protocol import ViewScore
-from core.metrics import rotation_error
 from core.models.codes import CodeSpace
 from core.models.model import Model
 from core.runtime.precision import use_dtype
@@ -39,13 +37,9 @@ class FitCase(NamedTuple):
 
 
 @dataclass(frozen=True)
-class FitTrial:
+class FitTrial(Trial):
     """A fit of one case and its errors."""
 
-    category: str
-    name: str  # of the object
-    number: int  # of the random order of its views
-    case: str
     photos: int
     posed: bool
     free: int  # numbers that the fit may choose for the object
@@ -102,12 +96,12 @@ WITHOUT = {
     }.items()
 }  # each leaves one component of the default out
 CASES = SPEED | FREEDOM | PAPER | WITHOUT
-QUICK = tuple(name for name, case in (SPEED | FREEDOM | PAPER).items() if case.photos in (1, 3) and name != "fine")
 
 
 def cases(quick: bool) -> tuple[str, ...]:
-    """Return the names of the cases to measure."""
-    return QUICK if quick else tuple(CASES)
+    """Return the names of the cases to measure; quick ones are of one photo or three, and leave no component out."""
+    names = (name for name, case in CASES.items() if case.photos in (1, 3) and name != "fine" and name not in WITHOUT)
+    return tuple(names if quick else CASES)
 
 
 def measure(view: HeldOutView, name: str) -> tuple[FitTrial]:
@@ -125,12 +119,10 @@ def measure(view: HeldOutView, name: str) -> tuple[FitTrial]:
                 restarted |= last.restart
     seconds = clock() - began
     truth = view.cameras(case.photos)
-    errors = [camera_error(view, *pair) for pair in zip(last.cameras if last else truth, truth, strict=True)]
+    errors = [view.camera_error(*pair) for pair in zip(last.cameras if last else truth, truth, strict=True)]
+    stated: dict[str, Any] = {field: getattr(last, field, None) for field in ("confidence", "margin", "uncertainty")}
     trial = FitTrial(
-        model.category,
-        view.views.name,
-        view.number,
-        name,
+        *view.key(name),
         case.photos,
         case.posed,
         free=free_numbers(model, case),
@@ -141,16 +133,9 @@ def measure(view: HeldOutView, name: str) -> tuple[FitTrial]:
         photo=last.psnr if last else math.nan,
         novel=view.score(last.instance if last else model.mean),
         restarted=restarted,
-        confidence=last.confidence if last else None,
-        margin=last.margin if last else None,
-        uncertainty=last.uncertainty if last else None,
+        **stated,
     )
     return (trial,)
-
-
-def camera_error(view: HeldOutView, fitted: Camera, truth: Camera) -> float:
-    """Return the rotation error of a camera, degrees; 0 if the object looks the same from there."""
-    return 0.0 if view.is_symmetric(fitted, truth) else rotation_error(fitted, truth)
 
 
 def free_numbers(model: Model, case: FitCase) -> int:

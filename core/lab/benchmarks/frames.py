@@ -4,11 +4,9 @@ The standard is the exact render with many samples. Exact renders cost the same 
 pixels is enough; the other renderers draw all pixels, and the same pixels are compared.
 """
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 import torch
@@ -18,7 +16,7 @@ from torch import Tensor
 from core.geometry.camera import Camera
 from core.gl.baking import bake
 from core.gl.offscreen import OffscreenRenderer
-from core.lab.benchmarks.held_out_views import HeldOutView
+from core.lab.benchmarks.held_out_views import HeldOutView, Trial, timed
 from core.metrics import psnr
 from core.models.model import Instance
 from core.rendering import fast
@@ -32,17 +30,12 @@ _PIXELS = 2048  # of an image that are rendered exactly
 _CHUNK_POINTS = 16_384  # at a time, so that activations stay in cache
 
 Colours = Float[Tensor, "pixels 3"]
-_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True)
-class FrameTiming:
+class FrameTiming(Trial):
     """An image by one renderer."""
 
-    category: str
-    name: str  # of the object
-    number: int
-    case: str
     size: int  # px, width and height
     renderer: str  # exact, fast or baked
     samples: int  # along a ray; cells along a side of a baked object
@@ -65,7 +58,7 @@ def measure(view: HeldOutView, case: str) -> tuple[FrameTiming, ...]:
     standard = _exact(view.instance, camera, pixels, STANDARD)
     return tuple(
         FrameTiming(
-            *(view.model.category, view.views.name, view.number, case, size, renderer, samples, len(pixels)),
+            *(*view.key(case), size, renderer, samples, len(pixels)),
             milliseconds=1000 * seconds,
             psnr=psnr(colours, standard),
         )
@@ -79,12 +72,12 @@ def _renders(
     """Yield name, samples, seconds and colours of each render."""
     scale = camera.width * camera.height / len(pixels)
     for samples in EXACT:
-        seconds, colours = _timed(partial(_exact, instance, camera, pixels, samples))
+        seconds, colours = timed(partial(_exact, instance, camera, pixels, samples))
         yield "exact", samples, seconds * scale, colours
     for samples in FAST:
         fast.render(instance, camera, samples)  # compiles kernels and finds the occupied cells, once for an object
         fast.clear_views()
-        seconds, rendered = _timed(partial(fast.render, instance, camera, samples))
+        seconds, rendered = timed(partial(fast.render, instance, camera, samples))
         yield "fast", samples, seconds, rendered.colour.reshape(-1, 3)[pixels].clamp(0, 1)
     try:
         renderer = OffscreenRenderer((camera.width, camera.height))
@@ -93,7 +86,7 @@ def _renders(
     with renderer:
         for baked in (replace(baked, shadow=None) for baked in bake(instance) if baked):
             renderer.draw(baked, camera)  # uploads the texture
-            seconds, image = _timed(partial(renderer.draw, baked, camera))
+            seconds, image = timed(partial(renderer.draw, baked, camera))
             colours = torch.from_numpy(image.reshape(-1, 3).astype(np.float32))[pixels] / 255
             yield "baked", baked.cells, seconds, colours
 
@@ -105,9 +98,3 @@ def _exact(instance: Instance, camera: Camera, pixels: Int[Tensor, "pixels"], sa
     with torch.no_grad():
         chunks = (rays[chunk // camera.width, chunk % camera.width] for chunk in pixels.split(_CHUNK_POINTS // samples))
         return torch.cat([render_rays(model, chunk, samples, *instance.biases).colour for chunk in chunks]).clamp(0, 1)
-
-
-def _timed(render: Callable[[], _Result]) -> tuple[float, _Result]:
-    began = time.process_time()
-    result = render()
-    return time.process_time() - began, result

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -21,7 +22,7 @@ from core.detail.progressive import RenderSettings
 from core.fitting.fit import PRESETS, FitJob
 from core.fitting.paper import fit_as_set
 from core.fitting.settings import FitSettings
-from core.lab.benchmarks.held_out_views import render_on_white
+from core.lab.benchmarks.held_out_views import render_on_white, timed
 from core.lab.benchmarks.results import read_frame
 from core.models.library import sample_images
 from core.models.model import Model
@@ -54,17 +55,12 @@ def measure_ratios(model: Model) -> Iterator[Ratio]:
     instance = model.first
     camera = model.camera(0.9, 0.4)
     with use_dtype(torch.float32):
-        exact = _timed(lambda: render_exact(instance, camera.resized(_EXACT, _EXACT), _EXACT), time.process_time)
-        rendered = _timed(
-            lambda: fast.render(instance, camera, RenderSettings().samples),
-            time.process_time,
-            fast.clear_views,
-        )
-    yield Ratio("a render against an exact one", rendered / exact)
-    with use_dtype(torch.float32):
+        exact = _second_time(lambda: render_exact(instance, camera.resized(_EXACT, _EXACT), _EXACT))
+        rendered = _second_time(lambda: fast.render(instance, camera, RenderSettings().samples), fast.clear_views)
         photo = Photo(*render_on_white(instance, camera))
-        naive = _timed(lambda: _fit(model, photo, replace(PRESETS["paper"], steps=_NAIVE_STEPS)), time.process_time)
-        fitted = _timed(lambda: _fit(model, photo, replace(PRESETS["draft"], max_restarts=0)), time.process_time)
+        naive = _second_time(lambda: _fit(model, photo, replace(PRESETS["paper"], steps=_NAIVE_STEPS)))
+        fitted = _second_time(lambda: _fit(model, photo, replace(PRESETS["draft"], max_restarts=0)))
+    yield Ratio("a render against an exact one", rendered / exact)
     yield Ratio(f"a draft fit against {_NAIVE_STEPS} naive steps", fitted / naive)
     yield from _commands(model.category)
 
@@ -86,13 +82,15 @@ def read_baseline(path: Path) -> tuple[Ratio, ...]:
     return tuple(map(Ratio, *read_frame(path, ["name", "value"])[["name", "value"]].to_dict("list").values()))
 
 
-def _timed(run: Callable[[], object], clock: Callable[[], float], before: Callable[[], None] = lambda: None) -> float:
+def _second_time(
+    run: Callable[[], object],
+    before: Callable[[], None] = lambda: None,
+    clock: Callable[[], float] = time.process_time,
+) -> float:
     """Return the seconds of a second run; the first fills caches, also oneDNN's compiled kernels."""
     run()
     before()
-    began = clock()
-    run()
-    return clock() - began
+    return timed(run, clock)[0]
 
 
 def _fit(model: Model, photo: Photo, settings: FitSettings) -> None:
@@ -105,8 +103,9 @@ def _commands(category: str) -> Iterator[Ratio]:
     photo = str(sample_images(category)[0])
     words = (sys.executable, "-m", "core", "fit", photo, "--model", category, "--preset", "draft")
     with busy_processes(max(1, (os.cpu_count() or 1) - 1)):
-        importing = _timed(lambda: subprocess.run(_IMPORT, check=True), time.perf_counter)
-        fitting = _timed(lambda: subprocess.run(words, cwd=_ROOT, capture_output=True, check=True), time.perf_counter)
+        importing = _second_time(partial(subprocess.run, _IMPORT, check=True), clock=time.perf_counter)
+        fit_process = partial(subprocess.run, words, cwd=_ROOT, capture_output=True, check=True)
+        fitting = _second_time(fit_process, clock=time.perf_counter)
     yield Ratio("a draft fit's process against importing torch", fitting / importing)
 
 

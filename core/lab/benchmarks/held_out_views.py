@@ -1,11 +1,13 @@
 """Test cases of benchmarks: objects that no model was trained on, and views of them whose cameras are known."""
 
 import math
+import time
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -23,13 +25,24 @@ from core.rendering.images import render_image
 
 BENCHMARK = Path(__file__).resolve().parents[3] / "assets" / "benchmark"
 DATASETS = (BENCHMARK / "chairs.views", BENCHMARK / "cars.views")
+_Result = TypeVar("_Result")
 MOST_PHOTOS = 5  # of an object in one fit
 SCORED_VIEWS = 5  # other views of an object that score its fits
 _AZIMUTH, _ELEVATION = 0.9, 0.4  # rad
 _FAR = 20.0  # degrees: a camera further off may still be right by symmetry
-_SYMMETRY_TOLERANCE = 5.0  # degrees: a view is symmetric if it matches the true one as well as a turn by this does
+_SYMMETRY_TOLERANCE = math.radians(5)  # a view is symmetric if it matches the true one as well as a turn by this does
 _BACKGROUND = 0.99
 """brightness of all channels above which a pixel is background, for networks that render the background"""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A measurement: the columns that tell the rows of all benchmarks apart."""
+
+    category: str
+    name: str  # of the object
+    number: int  # of the random order of its views
+    case: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +58,10 @@ class HeldOutView:
     def __post_init__(self) -> None:
         if len(self.views.cameras) < MOST_PHOTOS + SCORED_VIEWS:
             raise ValueError(f"{self.views.name}: a benchmark needs {MOST_PHOTOS + SCORED_VIEWS} views of an object")
+
+    def key(self, case: str) -> tuple[str, str, int, str]:
+        """Return the fields of a :class:`Trial`."""
+        return self.model.category, self.views.name, self.number, case
 
     @cached_property
     def order(self) -> list[int]:
@@ -81,10 +98,10 @@ class HeldOutView:
         *_, last = fit(self.model, FitJob(self.photos(MOST_PHOTOS, True), PRESETS["draft"]))
         return last.instance.with_detail(None)
 
-    def is_symmetric(self, fitted: Camera, truth: Camera) -> bool:
-        """True for a camera far from the true one from which the object looks nearly the same."""
-        far = rotation_error(fitted, truth) > _FAR
-        return far and is_symmetric_view(self.instance, fitted, truth, _SYMMETRY_TOLERANCE)
+    def camera_error(self, fitted: Camera, truth: Camera) -> float:
+        """Return the rotation error of a camera, degrees; 0 if the object looks the same from there."""
+        error = rotation_error(fitted, truth)
+        return 0.0 if error > _FAR and is_symmetric_view(self.instance, fitted, truth) else error
 
 
 @lru_cache(maxsize=4)
@@ -106,19 +123,17 @@ def held_out_view(datasets: tuple[Path, ...], category: str, name: str, number: 
     return HeldOutView(model, views, number, partner, read(strangers, position))
 
 
-def is_symmetric_view(instance: Instance, fitted: Camera, truth: Camera, degrees: float) -> bool:
-    """Return whether both cameras show an object as alike as when the true one turns by ``degrees``.
+def is_symmetric_view(instance: Instance, fitted: Camera, truth: Camera) -> bool:
+    """Return whether both cameras show an object as alike as when the true one turns by a few degrees.
 
     A round stool has several right cameras; the one that rendered its image is no better than the others.
     """
-    lift = math.radians(degrees) * (-1 if truth.elevation > 0 else 1)
-    turned = (
-        replace(truth, azimuth=truth.azimuth + math.radians(degrees)),
-        replace(truth, elevation=truth.elevation + lift),
-    )
-    fitted_image, true_image = (render_on_white(instance, camera)[0] for camera in (fitted, truth))
-    turned_images = (render_on_white(instance, camera)[0] for camera in turned)
-    return psnr(fitted_image, true_image) >= min(psnr(image, true_image) for image in turned_images)
+    lift = -_SYMMETRY_TOLERANCE if truth.elevation > 0 else _SYMMETRY_TOLERANCE
+    beside = replace(truth, azimuth=truth.azimuth + _SYMMETRY_TOLERANCE)
+    above = replace(truth, elevation=truth.elevation + lift)
+    true_image, *images = (render_on_white(instance, camera)[0] for camera in (truth, fitted, beside, above))
+    fitted_psnr, *turned_psnrs = (psnr(image, true_image) for image in images)
+    return fitted_psnr >= min(turned_psnrs)
 
 
 def render_on_white(
@@ -128,3 +143,10 @@ def render_on_white(
     rendered = render_image(instance, camera)
     colour = rendered.colour.clamp(0, 1).cpu()
     return colour, (colour < _BACKGROUND).any(-1) if instance.model.white_from_network else rendered.opacity.cpu() > 0.5
+
+
+def timed(run: Callable[[], _Result], clock: Callable[[], float] = time.process_time) -> tuple[float, _Result]:
+    """Return the seconds of a function, of the processor by default, and its result."""
+    began = clock()
+    result = run()
+    return clock() - began, result

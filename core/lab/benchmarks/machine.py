@@ -13,9 +13,9 @@ _ROOT = Path(__file__).resolve().parents[3]
 _MEASURED = ("core", "assets/models", "assets/networks", "assets/benchmark")  # files that decide the results
 
 
-def describe_processor(device: str = "cpu") -> str:
+def describe_processor() -> str:
     """Return the kind of processor, the number format of its multiplications and torch's version."""
-    dtype = str(matmul_dtype(device)).removeprefix("torch.")
+    dtype = str(matmul_dtype("cpu")).removeprefix("torch.")
     return f"{platform.machine()} {torch.backends.cpu.get_cpu_capability()}, {dtype}, torch {torch.__version__}"
 
 

@@ -44,11 +44,6 @@ def read_frame(path: Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     return frame.fillna({name: "" for name in _TEXTS if name in frame})
 
 
-def keys_of(frame: pd.DataFrame, columns: Sequence[str]) -> set[tuple]:
-    """Return the keys of all rows: their cells in these columns."""
-    return set(frame[list(columns)].itertuples(index=False, name=None))
-
-
 def _cells(value: Any, name: str) -> Iterator[tuple[str, Any]]:
     """Yield names of columns and cells of a value."""
     if not (is_dataclass(value) or hasattr(value, "_fields")):

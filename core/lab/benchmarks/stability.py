@@ -13,25 +13,20 @@ from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
 from core.fitting.fit import PRESETS, FitJob, FitStep
 from core.fitting.paper import fit_as_set
 from core.geometry.pixels import to_bytes
-from core.lab.benchmarks.fits import DEFAULT, camera_error
-from core.lab.benchmarks.held_out_views import SCORED_VIEWS, HeldOutView
+from core.lab.benchmarks.fits import DEFAULT
+from core.lab.benchmarks.held_out_views import SCORED_VIEWS, HeldOutView, Trial
 from core.lab.benchmarks.stressors import STRESSORS, Cutout, Stressor
 from core.lab.datasets.srn import ObjectViews
 from core.photos.photo import Photo, prepare_photo
 from core.photos.segmentation import cut_out
 
 METHODS = (DEFAULT, "paper")  # presets
-_REFUSED = "refused"
 
 
 @dataclass(frozen=True)
-class StabilityTrial:
+class StabilityTrial(Trial):
     """A fit of corrupted input."""
 
-    category: str
-    name: str  # of the object
-    number: int  # of the random order of its views
-    case: str
     stressor: str
     level: float
     method: str
@@ -64,15 +59,14 @@ def measure(view: HeldOutView, case: str) -> tuple[StabilityTrial, ...]:
     words, method = case.split(", ")
     name, level = words.split()
     stressor = STRESSORS[name]
-    category = view.model.category
-    trial = StabilityTrial(category, view.views.name, view.number, case, name, float(level), method)
+    trial = StabilityTrial(*view.key(case), name, float(level), method)
     if (stressor.stranger and not view.stranger) or (stressor.intruders and not view.partner):
         return ()
     try:
         photos = corrupted_photos(view, stressor, trial.level)
         *_, last = fit_as_set(view.model, FitJob(photos, PRESETS[method], view.seed))
     except ValueError as error:
-        return (replace(trial, doubted=True, right=stressor.stranger, outcome=f"{_REFUSED}: {error}"),)
+        return (replace(trial, doubted=True, right=stressor.stranger, outcome=f"refused: {error}"),)
     return (_judge(view, stressor, last, trial),)
 
 
@@ -82,7 +76,7 @@ def _judge(view: HeldOutView, stressor: Stressor, last: FitStep, trial: Stabilit
     if stressor.stranger:
         return replace(trial, right=doubted)
     truth = view.cameras(len(last.cameras) - stressor.intruders)
-    errors = [camera_error(view, *pair) for pair in zip(last.cameras, truth, strict=False)]
+    errors = [view.camera_error(*pair) for pair in zip(last.cameras, truth, strict=False)]
     right = max(errors) <= RIGHT_DEGREES
     return replace(trial, rotation=float(np.mean(errors)), right=right, novel=view.score(last.instance).psnr)
 

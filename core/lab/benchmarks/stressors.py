@@ -5,6 +5,7 @@ To add one, add a line to :data:`STRESSORS`.
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,6 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 
 Cutout = Float[np.ndarray, "height width 4"]  # 0..1: colours on white, and alpha
 Corruption = Callable[[Cutout, float, np.random.Generator], Cutout]
-_LARGE, _SMALL = 0.3, 0.06  # radii of discs, of the square root of the object's area
 
 
 class Stressor(NamedTuple):
@@ -30,9 +30,9 @@ class Stressor(NamedTuple):
 
 
 def _discs(cutout: Cutout, fraction: float, generator: np.random.Generator, radius: float) -> Cutout:
-    """Remove a fraction of the object by discs; the cut-out shows the rest."""
+    """Remove a fraction of the object by discs, whose radius is relative to the square root of the object's area."""
     height, width = cutout.shape[:2]
-    visible = cutout[..., 3] > 0.5
+    visible = _mask(cutout)
     area = visible.sum()
     rows, columns = np.nonzero(visible)
     y, x = np.mgrid[:height, :width]
@@ -44,12 +44,14 @@ def _discs(cutout: Cutout, fraction: float, generator: np.random.Generator, radi
     return _masked(cutout, visible)
 
 
-def _occlude(cutout: Cutout, fraction: float, generator: np.random.Generator) -> Cutout:
-    return _discs(cutout, fraction, generator, _LARGE)
+def _mask(cutout: Cutout) -> Bool[np.ndarray, "height width"]:
+    return cutout[..., 3] > 0.5
 
 
-def _pierce(cutout: Cutout, fraction: float, generator: np.random.Generator) -> Cutout:
-    return _discs(cutout, fraction, generator, _SMALL)
+def _span(visible: Bool[np.ndarray, "height width"], axis: int) -> tuple[int, int]:
+    """Return the first visible row (axis 1) or column (axis 0), and the end of the last."""
+    lines = np.nonzero(visible.any(axis))[0]
+    return lines[0], lines[-1] + 1
 
 
 def _masked(cutout: Cutout, visible: Bool[np.ndarray, "height width"]) -> Cutout:
@@ -60,15 +62,15 @@ def _masked(cutout: Cutout, visible: Bool[np.ndarray, "height width"]) -> Cutout
 
 def _truncate(cutout: Cutout, fraction: float, _: np.random.Generator) -> Cutout:
     """Cut off the left part of the object, with the image."""
-    columns = (cutout[..., 3] > 0.5).sum(0).cumsum()
+    columns = _mask(cutout).sum(0).cumsum()
     return cutout[:, columns > fraction * columns[-1]]
 
 
 def _cut_legs(cutout: Cutout, fraction: float, _: np.random.Generator) -> Cutout:
     """Leave the lowest part of the object's height out of the mask."""
-    rows = np.nonzero((cutout[..., 3] > 0.5).any(1))[0]
-    visible = cutout[..., 3] > 0.5
-    visible[round(rows[-1] + 1 - fraction * (rows[-1] + 1 - rows[0])) :] = False
+    visible = _mask(cutout)
+    top, bottom = _span(visible, 1)
+    visible[round(bottom - fraction * (bottom - top)) :] = False
     return _masked(cutout, visible)
 
 
@@ -99,31 +101,30 @@ def _on_white(cutout: Cutout) -> Cutout:
 def _dilate(cutout: Cutout, pixels: float, _: np.random.Generator) -> Cutout:
     """Let the mask take some background."""
     dilated = cutout.copy()
-    dilated[..., 3] = binary_dilation(cutout[..., 3] > 0.5, iterations=round(pixels))
+    dilated[..., 3] = binary_dilation(_mask(cutout), iterations=round(pixels))
     return dilated
 
 
 def _join(cutout: Cutout, fraction: float, _: np.random.Generator) -> Cutout:
     """Join a neighbour to the object: its mirror image beside it, of which a fraction of the width is in the mask."""
-    columns = np.nonzero((cutout[..., 3] > 0.5).any(0))[0]
-    width = columns[-1] + 1 - columns[0]
-    joined = round(fraction * width)
-    neighbour = cutout[:, columns[0] : columns[-1] + 1][:, ::-1][:, :joined]
+    left, right = _span(_mask(cutout), 0)
+    joined = round(fraction * (right - left))
+    neighbour = cutout[:, left:right][:, ::-1][:, :joined]
     padded = np.pad(cutout, ((0, 0), (0, joined), (0, 0)), constant_values=1)
     padded[:, cutout.shape[1] :, 3] = 0
-    space = padded[:, columns[-1] + 1 : columns[-1] + 1 + joined]
-    space[neighbour[..., 3] > 0.5] = neighbour[neighbour[..., 3] > 0.5]
+    space = padded[:, right : right + joined]
+    space[_mask(neighbour)] = neighbour[_mask(neighbour)]
     margin = joined // 2  # the image stays a square around both
     return padded[:, margin : margin + cutout.shape[1]]
 
 
 STRESSORS = {
-    "occlusion": Stressor("Hidden by something", "of the object", (0.2, 0.4, 0.6), _occlude),
+    "occlusion": Stressor("Hidden by something", "of the object", (0.2, 0.4, 0.6), partial(_discs, radius=0.3)),
     "truncation": Stressor("Truncated by the image", "of the object", (0.1, 0.2, 0.3), _truncate),
     "blur": Stressor("Blur", "px", (1.0, 2.0, 4.0), _blur),
     "noise": Stressor("Noise", "of white", (0.05, 0.1, 0.2), _add_noise),
     "exposure": Stressor("Exposure", "EV", (-2.0, -1.0, 1.0), _expose),
-    "holes": Stressor("Holes in the mask", "of the object", (0.1, 0.3), _pierce),
+    "holes": Stressor("Holes in the mask", "of the object", (0.1, 0.3), partial(_discs, radius=0.06)),
     "dilated": Stressor("Mask too wide", "px", (2.0, 4.0), _dilate),
     "legs": Stressor("Mask without legs", "of the height", (0.1, 0.2), _cut_legs),
     "neighbour": Stressor("Neighbour in the mask", "of its width", (0.2, 0.4), _join),

@@ -39,6 +39,12 @@ def test_views_come_before_objects_and_categories_alternate() -> None:
     assert len(set(tasks)) == len(tasks)
 
 
+@pytest.mark.parametrize("benchmark", BENCHMARKS)
+def test_quick_cases_are_a_part_of_all(benchmark: str) -> None:
+    quick, usual = (BENCHMARKS[benchmark].cases(is_quick) for is_quick in (True, False))
+    assert set(quick) < set(usual) or (benchmark == "disentanglement" and quick == usual)
+
+
 def test_a_dataset_of_an_unknown_category_is_named(tmp_path: Path) -> None:
     write_object(tmp_path / "d", views_of(tiny_model(), 0, 2))
     with pytest.raises(ValueError, match="d: there is no model of its category ''"):

@@ -1,7 +1,6 @@
 import pandas as pd
 import pytest
 
-from core.lab.benchmarks.fits import CASES, SPEED
 from core.lab.benchmarks.held_out_views import BENCHMARK
 from core.lab.benchmarks.page import BLOCKS, PAGE, fill, read_frames, write_page
 
@@ -33,23 +32,7 @@ def test_a_part_that_is_missing_leaves_its_blocks_empty() -> None:
 def test_the_worth_of_a_part_is_paired() -> None:
     """A hard object that one method alone was tried on does not count."""
     rows = [("a", "normal", 20.0), ("b", "normal", 30.0), ("a", "without restart", 21.0)]
-    frame = pd.DataFrame(
-        [
-            {
-                "category": "chairs",
-                "name": name,
-                "number": 0,
-                "case": case,
-                "novel.psnr": psnr,
-                "right": 1.0,
-                "seconds": 1.0,
-            }
-            for name, case, psnr in rows
-        ]
-    )
+    frame = pd.DataFrame(rows, columns=["name", "case", "novel.psnr"])
+    frame = frame.assign(category="chairs", number=0, right=1.0, seconds=1.0)
     table = fill("<!-- parts_table -->\n<!-- end -->", {"fits": frame})
     assert "| without restart | 1 | +1.00 (+1.00 to +1.00) | +0 | 1.00 |" in table
-
-
-def test_every_case_of_speed_is_measured() -> None:
-    assert set(SPEED) < set(CASES)

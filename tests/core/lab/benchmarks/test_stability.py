@@ -8,13 +8,6 @@ from core.lab.benchmarks.held_out_views import HeldOutView
 from core.lab.benchmarks.results import frame_of
 from core.lab.benchmarks.stability import StabilityTrial, cases, corrupted_photos, measure, wrong_and_sure
 from core.lab.benchmarks.stressors import STRESSORS
-from core.models.model import Model
-from tests.core.lab.evaluation.test_protocol import views_of
-
-
-@pytest.fixture(scope="module")
-def view(tiny: Model) -> HeldOutView:
-    return HeldOutView(tiny, views_of(tiny, 0, 10), 0, views_of(tiny, 2, 10), views_of(tiny, 3, 10))
 
 
 @pytest.fixture(autouse=True)
