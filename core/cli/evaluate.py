@@ -9,8 +9,7 @@ from tqdm import tqdm
 
 from core.cli.output import say
 from core.cli.progress import wait_for_view_bank
-from core.lab.datasets.splits import evenly_spaced
-from core.lab.datasets.srn import ObjectEntry, ObjectViews, index_objects
+from core.lab.datasets.srn import ObjectEntry, ObjectViews, evenly_spaced, index_objects
 from core.lab.evaluation.protocol import EvaluationProtocol, ObjectScore
 from core.lab.evaluation.protocol import evaluate as scored
 from core.lab.evaluation.report import format_table, write_report

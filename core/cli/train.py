@@ -13,10 +13,8 @@ from tqdm import tqdm
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.cli.progress import run_with_progress, wait_for_view_bank
 from core.editing.words import direction_words
-from core.lab.datasets.categories import Split
-from core.lab.datasets.glb_objects import mesh_tasks
+from core.lab.datasets.glb_objects import mesh_tasks, render_objects
 from core.lab.datasets.packs import SUFFIX
-from core.lab.datasets.render_objects import RenderTask, render_objects
 from core.lab.datasets.srn import Dataset, index_objects, pack_datasets, read_dataset
 from core.lab.datasets.srn_cameras import SPIRAL_VIEWS
 from core.lab.training.curve import CurvePoint, read_curve, write_curve
@@ -43,7 +41,10 @@ _DEFAULT_VIEWS = {"train": 50, "validation": SPIRAL_VIEWS, "test": SPIRAL_VIEWS}
 
 def dataset_meshes(args: argparse.Namespace) -> None:
     """Run ``dataset meshes``: render GLB files into SRN folders."""
-    _render(args, mesh_tasks(args.folder, args.category, args.split, args.variants), args.split)
+    tasks = mesh_tasks(args.folder, args.category, args.split, args.variants)
+    views = args.views or _DEFAULT_VIEWS[args.split]
+    rendered = render_objects(tasks, args.out, args.category, args.split, views, args.size)
+    run_with_progress(rendered, len(tasks), "object")
 
 
 def dataset_pack(args: argparse.Namespace) -> None:
@@ -56,18 +57,12 @@ def dataset_pack(args: argparse.Namespace) -> None:
     run_with_progress(packed, len(entries), "object")
 
 
-def _render(args: argparse.Namespace, tasks: Sequence[RenderTask], split: Split) -> None:
-    views = args.views or _DEFAULT_VIEWS[split]
-    rendered = render_objects(tasks, args.out, args.category, split, views, args.size)
-    run_with_progress(rendered, len(tasks), "object")
-
-
 def train(args: argparse.Namespace) -> None:
     """Run ``train``: train a model on datasets, regularly saving it, its state and its curve."""
     require_writable(args.out)
     initial = load_model(args.init) if args.init else None
     with training_processes(args.device) as processes:
-        if not processes.is_first:  # neither writes nor prints, and keeps no images
+        if processes.rank > 0:  # neither writes nor prints, and keeps no images
             for _ in _start_training(args, initial, processes)[0].steps():
                 pass
             return

@@ -21,8 +21,7 @@ from joblib import Parallel, delayed, parallel_config
 from core.lab.benchmarks import disentanglement, exports, fits, frames, stability
 from core.lab.benchmarks.held_out_views import Trial, held_out_view
 from core.lab.benchmarks.results import append_rows, read_frame, write_frame
-from core.lab.datasets.splits import evenly_spaced
-from core.lab.datasets.srn import index_objects
+from core.lab.datasets.srn import evenly_spaced, index_objects
 from core.models.library import shipped_models
 from core.runtime.threads import thread_count, use_threads
 

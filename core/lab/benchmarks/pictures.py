@@ -16,8 +16,7 @@ from core.lab.benchmarks.fits import DEFAULT, PHOTO_COUNTS
 from core.lab.benchmarks.held_out_views import MOST_PHOTOS, HeldOutView, held_out_view
 from core.lab.benchmarks.stability import corrupted_photos, surest_mistakes
 from core.lab.benchmarks.stressors import STRESSORS
-from core.lab.datasets.splits import evenly_spaced
-from core.lab.datasets.srn import index_objects
+from core.lab.datasets.srn import evenly_spaced, index_objects
 from core.metrics import rotation_error
 from core.models.model import Instance
 

@@ -1,8 +1,7 @@
 """Render a folder of GLB meshes into a dataset; ``index.json`` lists the files with their categories."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,12 +11,12 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 
 from core.geometry.camera import WORLD_FROM_GLTF
-from core.lab.datasets.categories import Split
+from core.lab.datasets.categories import Split, held_out_meshes
 from core.lab.datasets.mesh_variants import deformed, pairs, recoloured
-from core.lab.datasets.rasteriser import Surface
-from core.lab.datasets.render_objects import RenderTask
-from core.lab.datasets.splits import held_out_meshes
-from core.runtime.reading import read_json, reading, typed
+from core.lab.datasets.rasteriser import Rasteriser, Surface
+from core.lab.datasets.srn import ObjectViews, write_manifest, write_object
+from core.lab.datasets.srn_cameras import split_cameras
+from core.runtime.reading import open_image, read_json, reading, typed
 
 TURN_TO_FRONT = {
     "quaternius_oct2017_chair": -90,
@@ -26,12 +25,10 @@ TURN_TO_FRONT = {
 }  # degrees about the vertical that turn the front of a mesh to +y, for files with another front
 
 
-@dataclass(frozen=True)
-class MeshEntry:
-    """An entry of a mesh folder's index."""
+class MeshEntry(NamedTuple):
+    """A mesh of a folder."""
 
     name: str
-    category: str
     path: Path
 
 
@@ -43,45 +40,72 @@ class _Line(NamedTuple):
     file: str
 
 
+class RenderTask(NamedTuple):
+    """A mesh to render, deformed and recoloured (:mod:`core.lab.datasets.mesh_variants`)."""
+
+    mesh: MeshEntry
+    shape: int  # 0 is the mesh's own
+    recolouring: int
+
+    @property
+    def identity(self) -> tuple[str, str, str]:
+        """Names of the object, its shape and its texture: they occur in the shipped models and seed the cameras."""
+        shape = f"-form{self.shape}" if self.shape else ""
+        look = f"-look{self.recolouring}" if self.recolouring else ""
+        return f"{self.mesh.name}{shape}{look}", f"{self.mesh.name}{shape}", f"{self.mesh.name}{look}"
+
+    def surfaces(self) -> tuple[Surface, ...]:
+        """Load the mesh and change it."""
+        name = self.mesh.name
+        surfaces = load_mesh(self.mesh.path, TURN_TO_FRONT.get(name, 0.0))
+        return normalised(deformed(recoloured(surfaces, name, self.recolouring), name, self.shape))
+
+
 def select_meshes(folder: Path | str, category: str, split: Split) -> tuple[MeshEntry, ...]:
     """Return a split's meshes in the index's order. Raises ``ValueError`` for a folder without an index."""
     index = Path(folder) / "index.json"
     with reading(index, "a mesh index"):
         lines = typed(tuple[_Line, ...], read_json(index), name="index")
-    entries = [MeshEntry(line.id, line.category, Path(folder) / line.file) for line in lines]
     split_of = {name: held for held, names in held_out_meshes(category).items() for name in names}
-    selected = tuple(e for e in entries if e.category == category and split_of.get(e.name, "train") == split)
+    selected = [line for line in lines if line.category == category and split_of.get(line.id, "train") == split]
     if not selected:
         raise ValueError(f"{index}: no {category} in the {split} split")
-    return selected
+    return tuple(MeshEntry(line.id, Path(folder) / line.file) for line in selected)
 
 
 def mesh_tasks(folder: Path | str, category: str, split: Split, variants: int = 0) -> tuple[RenderTask, ...]:
-    """Return render tasks of every mesh of :func:`select_meshes`.
-
-    Adds ``variants`` deformed shapes of each, in as many recolourings (:mod:`core.lab.datasets.mesh_variants`). Raises
-    ``ValueError`` for a negative number of variants.
-    """
-    if variants < 0:
-        raise ValueError(f"the number of variants must not be negative, got {variants}")
+    """Return render tasks of every mesh of :func:`select_meshes`, with ``variants`` deformed shapes of each."""
     meshes = select_meshes(folder, category, split)
-    return tuple(_render_task(entry, *pair) for entry in meshes for pair in pairs(variants))
+    return tuple(RenderTask(entry, *pair) for entry in meshes for pair in pairs(variants))
 
 
-def _render_task(entry: MeshEntry, shape: int, recolouring: int) -> RenderTask:
-    """Describe a mesh with a shape and a recolouring; 0 keeps the mesh's own.
+def render_objects(
+    tasks: Sequence[RenderTask], out: Path | str, category: str, split: Split, views: int, size: int
+) -> Iterator[str]:
+    """Render the tasks into the dataset ``out``, yielding each name when it is done.
 
-    Names occur in the shipped models and seed the cameras.
+    Skips objects that exist with as many views of this size, so a stopped job resumes. Raises ``RuntimeError`` without
+    OpenGL, ``ValueError`` for an object that cannot be built.
     """
-    shape_id = f"{entry.name}-form{shape}" if shape else entry.name
-    texture_id = f"{entry.name}-look{recolouring}" if recolouring else entry.name
-    name = f"{shape_id}-look{recolouring}" if recolouring else shape_id
-    return RenderTask(name, shape_id, texture_id, partial(_variant, entry, shape, recolouring))
+    write_manifest(out, category, {task.identity[0]: task.identity[1:] for task in tasks})
+    with Rasteriser(size) as rasteriser:
+        for task in tasks:
+            name = task.identity[0]
+            if not _is_rendered(Path(out) / name, views, size):
+                rasteriser.upload(task.surfaces())
+                cameras = split_cameras(split, views, name, category, size)
+                images, masks = zip(*(rasteriser.render(camera) for camera in cameras), strict=True)
+                write_object(out, ObjectViews(*task.identity, np.stack(images), np.stack(masks), cameras))
+            yield name
 
 
-def _variant(entry: MeshEntry, shape: int, recolouring: int) -> tuple[Surface, ...]:
-    surfaces = load_mesh(entry.path, TURN_TO_FRONT.get(entry.name, 0.0))
-    return normalised(deformed(recoloured(surfaces, entry.name, recolouring), entry.name, shape))
+def _is_rendered(folder: Path, views: int, size: int) -> bool:
+    """True if an object's folder holds this many images of this size."""
+    paths = list((folder / "rgb").glob("*.png"))
+    if len(paths) != views:
+        return False
+    with open_image(paths[0]) as opened:
+        return opened.size == (size, size)
 
 
 def load_mesh(path: Path | str, turn: float = 0.0) -> tuple[Surface, ...]:
@@ -114,9 +138,7 @@ def normalised(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
     high = used.max(0)
     scale = 1.0 / max(float(np.linalg.norm(high - low)), 1e-12)
     middle = (low + high) / 2
-    return tuple(
-        Surface((s.vertices - middle) * scale, s.normals, s.faces, s.colours, s.uvs, s.texture) for s in surfaces
-    )
+    return tuple(replace(surface, vertices=(surface.vertices - middle) * scale) for surface in surfaces)
 
 
 def _surface(geometry: trimesh.Trimesh, placed: Float[np.ndarray, "3 4"]) -> Surface:

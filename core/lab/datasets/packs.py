@@ -141,9 +141,10 @@ def _open_version(path: Path, _modified: int) -> _Pack:
     return _Pack(header, {entry.name: position for position, entry in enumerate(header.objects)}, tensors)
 
 
-def _columns(views: int) -> int:
-    """Return the number of tiles beside each other."""
-    return math.ceil(math.sqrt(views))
+def _grid(views: int) -> tuple[int, int]:
+    """Return the numbers of rows and columns of the tiles of an object."""
+    columns = math.ceil(math.sqrt(views))
+    return math.ceil(views / columns), columns
 
 
 def _encode(
@@ -151,8 +152,7 @@ def _encode(
 ) -> bytes:
     """Compress the views as tiles; ``exact`` keeps the antialiased colours that the mask leaves out."""
     side = images.shape[1]
-    columns = _columns(len(images))
-    rows = math.ceil(len(images) / columns)
+    rows, columns = _grid(len(images))
     tiles = np.full((rows * columns, side, side, 4), 255, np.uint8)
     tiles[: len(images), ..., :3] = images
     tiles[: len(images), ..., 3] = 255 * masks
@@ -166,8 +166,7 @@ def _decode(
     image: bytes, views: int, side: int
 ) -> tuple[UInt8[np.ndarray, "views side side 3"], Bool[np.ndarray, "views side side"]]:
     """Invert :func:`_encode`."""
-    columns = _columns(views)
-    rows = math.ceil(views / columns)
+    rows, columns = _grid(views)
     with open_image(BytesIO(image)) as opened:
         sheet = np.asarray(opened.convert("RGBA"))
     if sheet.shape != (rows * side, columns * side, 4):

@@ -1,8 +1,8 @@
 """Off-screen rendering of coloured triangles: one object in daylight, on white, antialiased."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
-from types import TracebackType
 
 import moderngl
 import numpy as np
@@ -131,25 +131,25 @@ class Rasteriser:
         downsample["factor"] = SUPERSAMPLES
         self._downsample = context.vertex_array(downsample, [])
         self._plain = context.texture((1, 1), 4, b"\xff\xff\xff\xff")
-        self._batches: list[tuple[moderngl.VertexArray, moderngl.Texture, list[moderngl.Buffer]]] = []
+        self._batches: list[tuple[moderngl.VertexArray, moderngl.Texture]] = []
+        self._resources = ExitStack()  # releases those of the batches
         for name, value in DAYLIGHT.items():
             self._program[name].write(np.asarray(value, np.float32).tobytes())  # type: ignore[union-attr]
 
     def __enter__(self) -> "Rasteriser":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         with self._context:
-            self._release()
+            self._resources.close()
         self._context.release()
 
     def upload(self, surfaces: Sequence[Surface]) -> None:
         """Load an object, replacing the last one."""
         plain = [surface for surface in surfaces if surface.texture is None]
         with self._context:
-            self._release()
+            self._resources.close()
+            self._batches.clear()
             for group in ([plain] if plain else []) + [[s] for s in surfaces if s.texture is not None]:
                 self._batches.append(self._batch(group))
 
@@ -170,7 +170,7 @@ class Rasteriser:
             context.clear(1.0, 1.0, 1.0, 0.0)
             self._program["clip_from_world"].write(clip_from_world.T.tobytes())  # type: ignore[union-attr]
             self._program["eye"].write(eye.tobytes())  # type: ignore[union-attr]
-            for array, texture, _ in self._batches:
+            for array, texture in self._batches:
                 texture.use(0)
                 array.render(moderngl.TRIANGLES)
             self._small.use()
@@ -182,7 +182,7 @@ class Rasteriser:
         pixels = read.reshape(self._size, self._size, 4)[::-1]
         return np.ascontiguousarray(pixels[..., :3]), pixels[..., 3] > 127
 
-    def _batch(self, group: Sequence[Surface]) -> tuple[moderngl.VertexArray, moderngl.Texture, list[moderngl.Buffer]]:
+    def _batch(self, group: Sequence[Surface]) -> tuple[moderngl.VertexArray, moderngl.Texture]:
         """Combine surfaces that share a texture into one draw call."""
         first = group[0]
         blank = [s.uvs if s.uvs is not None else np.zeros((len(s.vertices), 2)) for s in group]
@@ -194,19 +194,13 @@ class Rasteriser:
         layout = [(vertices, "3f 3f 3f 2f", "place", "normal", "colour", "uv")]
         array = self._context.vertex_array(self._program, layout, indices)
         texture = self._plain if first.texture is None else self._texture(first.texture)
-        return array, texture, [vertices, indices]
+        for resource in (vertices, indices, array):
+            self._resources.callback(resource.release)
+        return array, texture
 
     def _texture(self, pixels: UInt8[np.ndarray, "h w 4"]) -> moderngl.Texture:
         texture = self._context.texture(pixels.shape[1::-1], 4, np.ascontiguousarray(pixels).tobytes())
         texture.build_mipmaps()
         texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+        self._resources.callback(texture.release)
         return texture
-
-    def _release(self) -> None:
-        for array, texture, buffers in self._batches:
-            array.release()
-            for buffer in buffers:
-                buffer.release()
-            if texture is not self._plain:
-                texture.release()
-        self._batches = []

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, UInt8
@@ -28,6 +28,7 @@ from core.runtime.reading import open_image, read_json, read_text, reading, type
 
 _TRANSFORMS = "transforms_train.json", "transforms.json", "transforms_test.json", "transforms_val.json"
 """Files of an object in NeRF's layout; the first that exists is read."""
+_Item = TypeVar("_Item")
 _WHITE_LEVEL = 253  # Background threshold of all channels, for images without a mask; saving again changes 1-2 levels
 
 
@@ -77,8 +78,6 @@ class Dataset:
 
 
 class _Identity(NamedTuple):
-    """Manifest entry of an object."""
-
     shape_id: str
     texture_id: str
 
@@ -92,19 +91,40 @@ class _Manifest(NamedTuple):
 class ObjectEntry:
     """An object of a dataset that is read on demand: a test set need not fit into memory."""
 
-    folder: Path  # or its transforms.json; in a pack, the pack's path and the object's name
+    name: str
     shape_id: str
     texture_id: str
+    folder: Path  # or its transforms.json; in a pack, the pack's path and the object's name
     scale: float = 1.0  # scene units of a unit of its poses
-
-    @property
-    def name(self) -> str:
-        """Name of the object."""
-        return _object_name(self.folder)
 
     def read(self) -> ObjectViews:
         """Read the object's images. Raises ``ValueError`` naming a missing, broken or contradictory file."""
-        return _read_object(self)
+        if is_pack(self.folder.parent):
+            return ObjectViews(*read_packed(self.folder.parent, self.name, self.scale))
+        file = _transforms(self.folder)
+        views = _nerf_views(file) if file else _srn_views(self.folder)
+        images, masks = zip(*(_read_image(view.image, view.mask) for view in views), strict=True)
+        height, width = images[0].shape[:2]
+        for view, image in zip(views, images, strict=True):
+            if image.shape != (height, width, 3):
+                raise ValueError(f"{view.image}: its size is not the {width}x{height} of the object's other images")
+        rescaled = (view._replace(pose=scaled(view.pose, self.scale)) for view in views)
+        with reading(file or self.folder, "an object"):
+            cameras = tuple(view.camera(width, height) for view in rescaled)
+            if file:  # SRN's poses are in a model's units
+                require_scale(masks, cameras, self.scale)
+        return ObjectViews(self.name, self.shape_id, self.texture_id, np.stack(images), np.stack(masks), cameras)
+
+
+def evenly_spaced(items: Sequence[_Item], count: int | None) -> tuple[_Item, ...]:
+    """Return ``count`` evenly spaced items, or all if ``count`` is None or larger.
+
+    Example:
+        >>> evenly_spaced("abcdef", 3)
+        ('a', 'c', 'e')
+    """
+    count = len(items) if count is None else min(count, len(items))
+    return tuple(items[index * len(items) // count] for index in range(count))
 
 
 def index_objects(folders: Sequence[Path | str], scale: float = 1.0) -> tuple[str, tuple[ObjectEntry, ...]]:
@@ -150,18 +170,15 @@ def read_dataset(
         objects = tuple(pool.map(ObjectEntry.read, entries))
     _check_sizes(objects)
     camera = objects[0].cameras[0]
-    weights = _weights(entries, [Path(folder) for folder in folders], shares) if shares else ()
-    return Dataset(objects, category, camera.height, camera.focal, weights)
+    return Dataset(objects, category, camera.height, camera.focal, _weights(folders, shares) if shares else ())
 
 
-def _weights(entries: Sequence[ObjectEntry], folders: Sequence[Path], shares: Sequence[float]) -> tuple[float, ...]:
+def _weights(folders: Sequence[Path | str], shares: Sequence[float]) -> tuple[float, ...]:
     """Divide each folder's fraction among its objects."""
     if len(shares) != len(folders) or min(shares) <= 0:
         raise ValueError(f"{len(folders)} datasets need as many positive shares, got {list(shares)}")
-    number = {folder: index for index, folder in enumerate(folders)}
-    sources = [number[entry.folder if entry.folder in number else entry.folder.parent] for entry in entries]
-    counts = Counter(sources)
-    return tuple(shares[source] / counts[source] for source in sources)
+    counts = [len(_index_folder(Path(folder))[1]) for folder in folders]
+    return tuple(share / count for share, count in zip(shares, counts, strict=True) for _ in range(count))
 
 
 def pack_datasets(folders: Sequence[Path | str], path: Path, size: int | None, quality: int) -> Iterator[str]:
@@ -221,67 +238,35 @@ def _index_folder(folder: Path) -> tuple[str, list[ObjectEntry]]:
 
     Without a manifest, objects share neither shape nor texture (the paper's setting).
     """
-    if folder.is_file() and folder.suffix.lower() == ".json":
-        return "", [_own_entry(folder)]
     if is_pack(folder):
         category, packed = index_pack(folder)
-        return category, [ObjectEntry(folder / entry.name, entry.shape_id, entry.texture_id) for entry in packed]
-    if not folder.is_dir():
-        raise ValueError(f"{folder}: no such dataset folder")
+        return category, [ObjectEntry(*entry[:3], folder / entry.name) for entry in packed]
     category, identities = _read_manifest(folder / "manifest.json")
     if _transforms(folder):
-        return category, [_own_entry(folder)]
+        name = (folder if folder.is_dir() else folder.parent).resolve().name
+        return category, [ObjectEntry(name, name, name, folder)]
+    if not folder.is_dir():
+        raise ValueError(f"{folder}: no such dataset folder")
     paths = sorted(path for path in folder.iterdir() if path.is_dir() and not is_junk(path))
     if not paths:
         raise ValueError(f"{folder}: no object folders in it")
-    return category, [ObjectEntry(path, *identities.get(path.name, (path.name, path.name))) for path in paths]
-
-
-def _own_entry(folder: Path) -> ObjectEntry:
-    """Return an object that stands for a dataset."""
-    name = _object_name(folder)
-    return ObjectEntry(folder, name, name)
+    return category, [
+        ObjectEntry(path.resolve().name, *identities.get(path.name, (path.name, path.name)), path) for path in paths
+    ]
 
 
 def _transforms(folder: Path) -> Path | None:
     """Return the file of an object's cameras in NeRF's layout, or None; ``folder`` may be that file."""
     files = [folder / name for name in _TRANSFORMS] if folder.is_dir() else [folder]
-    return next(filter(Path.is_file, files), None)
+    return next((file for file in files if file.is_file() and file.suffix.lower() == ".json"), None)
 
 
-def _object_name(folder: Path) -> str:
-    """Return the name of an object's folder, of the folder of its transforms.json, or of an object in a pack."""
-    if is_pack(folder.parent):
-        return folder.name
-    return (folder if folder.is_dir() else folder.parent).resolve().name
-
-
-def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
-    """Return the category and name -> (shape_id, texture_id); ('', {}) without a manifest."""
+def _read_manifest(path: Path) -> _Manifest:
+    """Return a dataset's manifest; an empty one if there is no file."""
     if not path.exists():
-        return "", {}
+        return _Manifest()
     with reading(path, "a manifest"):
-        manifest = typed(_Manifest, read_json(path), name="manifest")
-    return manifest.category, {name: (ids.shape_id, ids.texture_id) for name, ids in manifest.objects.items()}
-
-
-def _read_object(entry: ObjectEntry) -> ObjectViews:
-    """Read one object's folder, or an object of a pack."""
-    if is_pack(entry.folder.parent):
-        return ObjectViews(*read_packed(entry.folder.parent, entry.folder.name, entry.scale))
-    file = _transforms(entry.folder)
-    views = _nerf_views(file) if file else _srn_views(entry.folder)
-    images, masks = zip(*(_read_image(view.image, view.mask) for view in views), strict=True)
-    height, width = images[0].shape[:2]
-    for view, image in zip(views, images, strict=True):
-        if image.shape != (height, width, 3):
-            raise ValueError(f"{view.image}: its size is not the {width}x{height} of the object's other images")
-    rescaled = (view._replace(pose=scaled(view.pose, entry.scale)) for view in views)
-    with reading(file or entry.folder, "an object"):
-        cameras = tuple(view.camera(width, height) for view in rescaled)
-        if file:  # SRN's poses are in a model's units
-            require_scale(masks, cameras, entry.scale)
-    return ObjectViews(entry.name, entry.shape_id, entry.texture_id, np.stack(images), np.stack(masks), cameras)
+        return typed(_Manifest, read_json(path), name="manifest")
 
 
 def _srn_views(folder: Path) -> list[PosedImage]:

@@ -1,15 +1,25 @@
 """The cameras of ShapeNet-SRN: random ones for training, a spiral for testing."""
 
 import math
+import zlib
 
 import numpy as np
 
 from core.geometry.camera import Camera
+from core.lab.datasets.categories import Split, category_sizes
 
 SRN_FOCAL = 131.25  # px, at SRN's 128 px images
 SRN_SIZE = 128
 SPIRAL_VIEWS = 251
 _SPIRAL_TURN = 150.0  # rad of azimuth from the horizon to the pole: 0.6 a step, about 24 turns
+
+
+def split_cameras(split: Split, count: int, name: str, category: str, size: int) -> tuple[Camera, ...]:
+    """Return the cameras of a split. Training views depend only on the object's name."""
+    distance = category_sizes(category).distance
+    if split != "train":
+        return spiral_views(count, distance, size)
+    return training_views(count, np.random.default_rng(zlib.crc32(name.encode())), distance, size)
 
 
 def training_views(

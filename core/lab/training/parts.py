@@ -15,7 +15,7 @@ from torch.nn import functional
 
 from core.export.mesh import extract_mesh
 from core.export.normals import face_normals
-from core.lab.datasets.splits import evenly_spaced
+from core.lab.datasets.srn import evenly_spaced
 from core.models.model import Instance, Model
 from core.models.part_head import PartHead
 from core.rendering.folded_field import FoldedField

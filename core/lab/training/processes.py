@@ -21,13 +21,8 @@ _LOST = "another process of this training has ended: start all again, with --res
 class Processes:
     """This process and the number of processes that train together; by default this one alone."""
 
-    rank: int = 0
+    rank: int = 0  # the first writes and prints
     count: int = 1
-
-    @property
-    def is_first(self) -> bool:
-        """True in the process that writes and prints."""
-        return self.rank == 0
 
     @property
     def own(self) -> slice:

@@ -61,7 +61,6 @@ class RayDataset:
         self.size = (dataset.image_size, dataset.image_size)
         self.focal = dataset.focal
         self.centres = pixel_centres(*self.size, device).flatten(0, 1)
-        self.box = extent
         self.extent = torch.tensor(extent, device=device)
         cameras = [camera for views in objects for camera in views.cameras]
         angles = [(camera.azimuth, camera.elevation, camera.distance) for camera in cameras]
@@ -70,12 +69,12 @@ class RayDataset:
         with ThreadPoolExecutor(thread_count()) as pool:  # torch's operations release the interpreter lock
             pixels = list(pool.map(partial(_training_pixels, whole_image), objects, numbers))
         view_counts = [len(views.cameras) for views in objects]
-        first_view = np.cumsum(view_counts) - view_counts
-        views = [sampled.view + first for sampled, first in zip(pixels, first_view, strict=True)]
-        self.view = torch.from_numpy(np.concatenate(views).astype(np.int32)).to(device)
-        self.pixel = torch.from_numpy(np.concatenate([sampled.pixel for sampled in pixels]).astype(np.int32)).to(device)
-        self.colour = torch.from_numpy(np.concatenate([sampled.colour for sampled in pixels])).to(device)
-        self.mask_class = torch.from_numpy(np.concatenate([sampled.mask_class for sampled in pixels])).to(device)
+        first_view = (np.cumsum(view_counts) - view_counts).astype(np.int32)
+        numbered = (
+            sampled._replace(view=sampled.view + first) for sampled, first in zip(pixels, first_view, strict=True)
+        )
+        columns = (torch.from_numpy(np.concatenate(column)).to(device) for column in zip(*numbered, strict=True))
+        self.view, self.pixel, self.colour, self.mask_class = columns
         self.count = torch.tensor([len(sampled.view) for sampled in pixels], device=device)
         self.first = self.count.cumsum(0) - self.count
         self.weight = torch.tensor(dataset.weights or [1.0] * len(dataset.objects), device=device)
@@ -136,7 +135,8 @@ def _training_pixels(whole_image: bool, views: ObjectViews, seed: int) -> _Pixel
         view = view[chosen_pixels]
         pixel = pixel[chosen_pixels]
     colours = views.images.reshape(len(masks), -1, 3)
-    return _Pixels(view, pixel, colours[view, pixel], mask_class.numpy()[view, pixel])
+    labels = mask_class.numpy()[view, pixel]
+    return _Pixels(view.astype(np.int32), pixel.astype(np.int32), colours[view, pixel], labels)
 
 
 def _dilate(masks: Bool[Tensor, "views height width"], reach: int) -> Bool[Tensor, "views height width"]:

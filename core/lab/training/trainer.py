@@ -67,9 +67,8 @@ class Trainer:
         self.device = require_device(device)
         self.generator = torch.Generator(device).manual_seed(settings.seed)
         torch.manual_seed(settings.seed)
-        extent = shared_extent(dataset.objects, self.device)
-        self.ray_dataset = RayDataset(dataset, extent, self.device, settings.whole_image, processes)
-        self.extent = self.ray_dataset.box
+        self.extent = shared_extent(dataset.objects, self.device)
+        self.ray_dataset = RayDataset(dataset, self.extent, self.device, settings.whole_image, processes)
         self.entries, shapes, textures = _build_entries(dataset)
         config = settings.field
         self.field = build_field(config).to(self.device)
@@ -142,11 +141,6 @@ class Trainer:
                 raise ValueError(f"training diverged at step {self.step}: lower the learning rates")
             yield TrainStep(self.step, self.settings.steps, loss, psnr_from_mse(error), self.seconds)
 
-    @property
-    def progress(self) -> float:
-        """Part of the schedule that is done, 0..1."""
-        return self.step / self.settings.steps
-
     def model(self) -> Model:
         """Return the current model: averaged weights, codes rounded to half precision as in files."""
         averaged = copy.deepcopy(self.field).cpu()
@@ -212,7 +206,7 @@ class Trainer:
         self.processes.add(*gradients, losses)
         groups = [group for optimiser in self.optimisers for group in optimiser.param_groups]
         for group, peak in zip(groups, self._peak_lrs, strict=True):
-            group["lr"] = peak * self._lr_factor(self.step)
+            group["lr"] = peak * self._lr_factor()
         for optimiser in self.optimisers:
             optimiser.step()
         decay = min(self.settings.ema_decay, (1 + self.step) / (10 + self.step))
@@ -248,7 +242,6 @@ class Trainer:
         jitter = torch.rand(settings.rays, settings.samples, generator=self.generator, device=self.device)
         return place_samples(batch.rays, jitter[batch.place], inside, coarse)
 
-    @torch.no_grad()
     def _coarse_density(
         self, points: Float[Tensor, "rays coarse 3"], bias: Float[Tensor, "rays 1 blocks width"]
     ) -> Float[Tensor, "rays coarse"]:
@@ -302,17 +295,17 @@ class Trainer:
 
     def _is_pruning_due(self) -> bool:
         """Return True at the step that reaches a fraction of the schedule at which hulls are pruned."""
-        before = (self.step - 1) / self.settings.steps
-        reached = any(before < fraction <= self.progress for fraction in _PRUNE_AT)
+        before, now = ((self.step - back) / self.settings.steps for back in (1, 0))
+        reached = any(before < fraction <= now for fraction in _PRUNE_AT)
         return reached and self.step >= _PRUNE_AFTER and not self.settings.whole_image
 
     def _parameters(self) -> list[Tensor]:
         return [*self.field.parameters(), self.shapes, self.textures]
 
-    def _lr_factor(self, step: int) -> float:
+    def _lr_factor(self) -> float:
         """Return the learning rate relative to its peak: a short linear warm-up, then a half cosine."""
-        warmup = min(1.0, (step + 1) / _WARMUP_STEPS)
-        cosine = (1 + math.cos(math.pi * min(1.0, step / self.settings.steps))) / 2
+        warmup = min(1.0, (self.step + 1) / _WARMUP_STEPS)
+        cosine = (1 + math.cos(math.pi * min(1.0, self.step / self.settings.steps))) / 2
         return warmup * (_FINAL_LR + (1 - _FINAL_LR) * cosine)
 
 

@@ -1,7 +1,7 @@
 """Training of :mod:`core.classifiers.viewpoint` on augmented images of a dataset."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import torch
@@ -47,23 +47,14 @@ def train_viewpoint(
 ) -> Iterator[float]:
     """Train a network in place, yielding the loss of each step; to stop, abandon the iterator."""
     generator = torch.Generator().manual_seed(seed)
-
-    def batch_loss() -> Tensor:
-        index = torch.randint(len(dataset.images), (BATCH_SIZE,), generator=generator)
-        images, azimuth = augment_photo(dataset.images[index].float() / 255, dataset.azimuth[index], generator)
-        target = direction_weights(azimuth, dataset.elevation[index], _KERNEL_WIDTH)
-        return functional.cross_entropy(classifier(images), target)
-
-    yield from train_classifier(classifier, batch_loss, steps)
-
-
-def train_classifier(classifier: ViewpointClassifier, batch_loss: Callable[[], Tensor], steps: int) -> Iterator[float]:
-    """Train a network in place on the losses of batches, yielding each loss."""
     optimiser = torch.optim.AdamW(classifier.parameters(), _PEAK_LR, weight_decay=1e-2)
     classifier.requires_grad_(True).train()
     for step in range(steps):
         optimiser.param_groups[0]["lr"] = _PEAK_LR * (0.01 + 0.99 * (1 + math.cos(math.pi * step / steps)) / 2)
-        loss = batch_loss()
+        index = torch.randint(len(dataset.images), (BATCH_SIZE,), generator=generator)
+        images, azimuth = augment_photo(dataset.images[index].float() / 255, dataset.azimuth[index], generator)
+        target = direction_weights(azimuth, dataset.elevation[index], _KERNEL_WIDTH)
+        loss = functional.cross_entropy(classifier(images), target)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()

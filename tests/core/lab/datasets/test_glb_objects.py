@@ -9,11 +9,9 @@ import pytest
 import trimesh
 from PIL import Image
 
-from core.lab.datasets.categories import SPLITS, Split
-from core.lab.datasets.glb_objects import load_mesh, mesh_tasks, select_meshes
+from core.lab.datasets.categories import SPLITS, Split, held_out_meshes
+from core.lab.datasets.glb_objects import load_mesh, mesh_tasks, render_objects, select_meshes
 from core.lab.datasets.rasteriser import Rasteriser
-from core.lab.datasets.render_objects import render_objects
-from core.lab.datasets.splits import held_out_meshes
 from core.lab.datasets.srn import read_dataset
 
 
