@@ -1,8 +1,7 @@
 """``evaluate``: the paper's protocol on a dataset."""
 
 import argparse
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator
 from statistics import fmean
 
 from tqdm import tqdm
@@ -10,11 +9,9 @@ from tqdm import tqdm
 from core.cli.output import say
 from core.cli.progress import wait_for_view_bank
 from core.lab.datasets.srn import ObjectEntry, ObjectViews, evenly_spaced, index_objects
-from core.lab.evaluation.protocol import EvaluationProtocol, ObjectScore
+from core.lab.evaluation.protocol import EvaluationProtocol, ObjectScore, format_table, write_report
 from core.lab.evaluation.protocol import evaluate as scored
-from core.lab.evaluation.report import format_table, write_report
 from core.models.library import load_model
-from core.models.model import Model
 from core.runtime.files import is_stream, require_writable
 
 
@@ -22,14 +19,16 @@ def evaluate(args: argparse.Namespace) -> None:
     """Run ``evaluate``: the paper's table on a test set."""
     protocol = EvaluationProtocol(args.input_views, args.pose == "estimate", args.preset, args.seed, args.view_stride)
     model = load_model(args.model, args.device)
-    entries = index_entries(model, args.datasets, args.pose_scale)
+    category, entries = index_objects(args.datasets, args.pose_scale)
+    if category and model.category not in ("", category):
+        raise ValueError(f"the dataset shows {category}, but the model {model.category}")
     if args.report:
         require_writable(args.report)
     wait_for_view_bank(model)
     conditions = {"model": model.fingerprint, "datasets": " ".join(map(str, args.datasets))}
     entries = evenly_spaced(entries, args.objects)
     scores = list[ObjectScore]()
-    views = _with_objects((entry.read() for entry in entries), protocol)
+    views = _with_objects(map(ObjectEntry.read, entries), protocol)
     with tqdm(total=len(entries), unit="object", disable=None) as bar:
         for score in scored(model, views, protocol):
             scores.append(score)
@@ -52,11 +51,3 @@ def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) 
             say(f"{views.name} is skipped: view {blank[0]} shows no object")
         else:
             yield views
-
-
-def index_entries(model: Model, datasets: Sequence[Path], scale: float = 1.0) -> tuple[ObjectEntry, ...]:
-    """Return the objects of datasets. Raises ``ValueError`` for another category than the model's."""
-    category, entries = index_objects(datasets, scale)
-    if category and model.category not in ("", category):
-        raise ValueError(f"the dataset shows {category}, but the model {model.category}")
-    return entries

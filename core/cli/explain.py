@@ -36,8 +36,14 @@ def write_page(model: Model, photo: Photo, last: FitStep, detections: Image.Imag
         last: the fit's last step.
         detections: the photo with its detections (:func:`draw_detections`).
     """
+    opacity = photo.mask.float() if photo.opacity is None else photo.opacity
+    images = [("Detections", detections), ("Photo as fitted", _middle(photo.pixels))]
+    images.append(("Mask", _middle(opacity[..., None].expand(-1, -1, 3))))
+    for name, hypothesis in zip(_RESULTS, last.hypotheses, strict=False):
+        camera = hypothesis.cameras[0].resized(2 * _SIDE, 2 * _SIDE)
+        images.append((name.capitalize(), _middle(render_image(hypothesis.instance, camera).colour)))
     figures = list[str]()
-    for number, (caption, image) in enumerate([("Detections", detections), *_images(model, photo, last)]):
+    for number, (caption, image) in enumerate(images):
         image.save(folder / f"{number}.png")
         figures.append(f"<figure><img src={number}.png><figcaption>{caption}</figcaption></figure>")
     cells = ("".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in _witnesses(model, photo, last))
@@ -66,18 +72,9 @@ def draw_detections(image: Image.Image, cut: CutOut) -> Image.Image:
     return drawing
 
 
-def _images(model: Model, photo: Photo, last: FitStep) -> Iterator[tuple[str, Image.Image]]:
-    opacity = photo.mask.float() if photo.opacity is None else photo.opacity
-    yield "Photo as fitted", _image(photo.pixels)
-    yield "Mask", _image(opacity[..., None].expand(-1, -1, 3))
-    for name, hypothesis in zip(_RESULTS, last.hypotheses, strict=False):
-        camera = hypothesis.cameras[0].resized(2 * _SIDE, 2 * _SIDE)
-        yield name.capitalize(), _image(render_image(hypothesis.instance, camera).colour)
-
-
-def _image(pixels: Float[Tensor, "height width 3"]) -> Image.Image:
+def _middle(pixels: Float[Tensor, "height width 3"]) -> Image.Image:
     """Return the middle of an image of the object, without the wide margins of a model's images."""
-    image = Image.fromarray(to_bytes(pixels.cpu().clamp(0, 1).numpy()))
+    image = Image.fromarray(to_bytes(pixels))
     margin_x, margin_y = (_MARGIN * side for side in image.size)
     return image.resize((_SIDE, _SIDE), box=(margin_x, margin_y, image.width - margin_x, image.height - margin_y))
 

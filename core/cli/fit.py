@@ -5,7 +5,7 @@ import io
 import json
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from itertools import repeat
@@ -17,11 +17,11 @@ from tqdm import tqdm
 
 from core.classifiers.viewpoint import SIDES, Side
 from core.cli.explain import draw_detections, write_page
-from core.cli.output import LastingOutput, say
-from core.cli.progress import bars_disabled, run_with_fraction, wait_for_view_bank
+from core.cli.output import LastingOutput, bars_disabled, say
+from core.cli.progress import run_with_fraction, wait_for_view_bank
 from core.fitting.category_check import describe_ambiguity, describe_category, describe_difference, likeliest_model
 from core.fitting.confidence import DOUBTFUL
-from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
+from core.fitting.fit import PRESETS, FitJob, FitStep
 from core.fitting.paper import fit_as_set
 from core.fitting.photo_views import resume_point
 from core.fitting.problem import MOST_PHOTOS
@@ -41,6 +41,9 @@ from core.runtime.files import open_output, require_writable, save_or_elsewhere
 _AS_PROMINENT = 0.7  # fraction of the first object's prominence from which a second object is mentioned
 
 
+Seconds = dict[str, float]  # of a fit, by stage
+
+
 class Fitted(NamedTuple):
     """The result of one fit."""
 
@@ -50,6 +53,7 @@ class Fitted(NamedTuple):
     cuts: tuple[CutOut, ...]  # one per photo, without those kept with a resumed object
     last: FitStep
     image: Image.Image  # the first photo, whole
+    seconds: Seconds
 
 
 class _Input(NamedTuple):
@@ -67,55 +71,56 @@ def fit(args: argparse.Namespace) -> None:
     _split_sides(args)
     check_counts(args)
     _check_files(args)
-    clock = Stopwatch()
-    fitted = fit_images(args, clock)
+    fitted = fit_images(args)
     try:
-        _write_files(args, fitted)
+        if args.out:
+            save_or_elsewhere(fitted_scene(args, fitted.last).save, args.out)
+        if args.explain:
+            detections = draw_detections(fitted.image, fitted.cuts[0])
+            write_page(fitted.model, fitted.photos[0], fitted.last, detections, args.explain)
     finally:  # files first, because the output may have no reader; printed even if a file fails
         say_doubts(fitted)
-        print(json.dumps(to_dict(fitted.last) | seconds_of(args, clock)), flush=True)
+        print(json.dumps(to_dict(args, fitted)), flush=True)
 
 
-def fit_images(args: argparse.Namespace, clock: "Stopwatch") -> Fitted:
+def fit_images(args: argparse.Namespace) -> Fitted:
     """Fit the object in the chosen images, under progress bars."""
+    seconds: Seconds = {}
     settings = replace(PRESETS[args.preset], estimate_focal=args.estimate_focal)
-    inputs = list(_read_inputs(args, clock))
+    inputs = list(_read_inputs(args, seconds))
     _compare_categories(args, inputs)
     cuts = tuple(source.cut for source in inputs)
     name = args.model or likeliest_model(cuts[0].categories)
     model = load_model(model_with(args.resume and scene_model(args.resume), name), args.device)
     earlier, hypothesis = resume_point(Scene.load(args.resume, model).instance) if args.resume else ((), None)
-    with clock("view_bank"):
+    with _timed(seconds, "view_bank"):
         wait_for_view_bank(model)
     photos = *earlier, *map(_photo, inputs, repeat(model), repeat(args.pose_scale))
-    _say_category(args, model, cuts[0].categories)
-    with clock("search"):
+    guess = cuts[0].categories
+    if warning := describe_category(guess, model.category) or ("" if args.model else describe_ambiguity(guess)):
+        say(warning)
+    with _timed(seconds, "search"):
         last = _search(model, FitJob(photos, settings, args.seed, hypothesis), args.log)
     names = [
         *(f"photo {number} of {args.resume}" for number in range(1, 1 + len(earlier))),
         *(source.name for source in inputs),
     ]
-    return Fitted(model, names, photos, cuts, last, inputs[0].image)
+    return Fitted(model, names, photos, cuts, last, inputs[0].image, seconds)
 
 
-def _read_inputs(args: argparse.Namespace, clock: "Stopwatch") -> Iterator[_Input]:
+def _read_inputs(args: argparse.Namespace, seconds: Seconds) -> Iterator[_Input]:
     """Read the images and cut out their objects; a video gives several."""
     nothing = [None] * len(args.images)
     hints = map(_hints, args.images, args.box or nothing, args.point or nothing, args.object or nothing)
     options = hints, args.mask or nothing, _poses(args) or nothing, args.sides or nothing
     for path, hint, mask, posed, side in zip(args.images, *options, strict=True):
         if is_clip(path):
-            yield from _frame_inputs(path, args.frames or FRAMES, clock)
+            with _timed(seconds, "clip"):
+                cuts = run_with_fraction(cut_out_clip(path, args.frames or FRAMES), path.name)
+            _say(path, cuts.note)
+            yield from (_Input(*frame) for frame in cuts.frames)
         else:
-            yield _Input(path, *_cut_out(path, hint, mask, clock), posed, side)
-
-
-def _frame_inputs(path: Path, count: int, clock: "Stopwatch") -> Iterator[_Input]:
-    """Read a video's frames and cut out their object, under a progress bar."""
-    with clock("clip"):
-        cuts = run_with_fraction(cut_out_clip(path, count), path.name)
-    _say(path, cuts.note)
-    yield from (_Input(*frame) for frame in cuts.frames)
+            yield _Input(path, *_cut_out(path, hint, mask, seconds), posed, side)
 
 
 def say_doubts(fitted: Fitted) -> None:
@@ -125,7 +130,10 @@ def say_doubts(fitted: Fitted) -> None:
         if len(fitted.photos) > 1:
             say(f"the cameras are doubtful (confidence {last.confidence:.2f}): look at renders from these sides")
         elif last.runner_up:
-            say(_doubt(last.confidence, last.runner_up))
+            camera = _camera_to_dict(last.runner_up.cameras[0])
+            direction = f"azimuth {camera['azimuth']:.0f}, elevation {camera['elevation']:.0f}"
+            doubt = f"the camera is doubtful (confidence {last.confidence:.2f})"
+            say(f"{doubt}: it may be {direction}, or no object of this category")
     for number in last.left_out:
         say(f"{fitted.names[number]}: this looks like another object, so it is left out")
 
@@ -136,18 +144,10 @@ def fitted_scene(args: argparse.Namespace, last: FitStep) -> Scene:
     return Scene(instance, last.cameras[0])
 
 
-def seconds_of(args: argparse.Namespace, clock: "Stopwatch") -> dict[str, object]:
-    """Return the seconds since the command began, and those of its stages."""
-    return {"seconds": round(time.perf_counter() - args.began, 3), "seconds_by_part": clock.seconds}
-
-
-def _write_files(args: argparse.Namespace, fitted: Fitted) -> None:
-    """Write the scene (``--out``) and the page (``--explain``)."""
-    if args.out:
-        save_or_elsewhere(fitted_scene(args, fitted.last).save, args.out)
-    if args.explain:
-        detections = draw_detections(fitted.image, fitted.cuts[0])
-        write_page(fitted.model, fitted.photos[0], fitted.last, detections, args.explain)
+def to_dict(args: argparse.Namespace, fitted: Fitted) -> dict[str, object]:
+    """Return a fit's JSON, with the seconds since the command began and those of its stages."""
+    seconds = {"seconds": round(time.perf_counter() - args.began, 3), "seconds_by_part": fitted.seconds}
+    return _step_to_dict(fitted.last) | seconds
 
 
 def _split_sides(args: argparse.Namespace) -> None:
@@ -219,15 +219,9 @@ def _compare_categories(args: argparse.Namespace, inputs: Sequence[_Input]) -> N
     for source in inputs[1:]:
         difference = describe_difference(inputs[0].cut.categories, source.cut.categories)
         if difference and not args.model:
-            message = f"{source.name}: {difference}. Fit each object by itself, or choose one model with --model"
-            raise ValueError(message)
+            advice = "Fit each object by itself, or choose one model with --model"
+            raise ValueError(f"{source.name}: {difference}. {advice}")
         _say(source.name, difference)
-
-
-def _say_category(args: argparse.Namespace, model: Model, guess: Mapping[str, float]) -> None:
-    """Print a warning unless an image clearly shows the model's category."""
-    if warning := describe_category(guess, model.category) or ("" if args.model else describe_ambiguity(guess)):
-        say(warning)
 
 
 def _further_objects(cut: CutOut, hints: Hints | None) -> str:
@@ -239,31 +233,25 @@ def _further_objects(cut: CutOut, hints: Hints | None) -> str:
     return f"{len(cut.detections)} objects are found: --object 2 fits the next one" if near else ""
 
 
-class Stopwatch:
-    """Adds up seconds by stage: ``with clock("decode"): ...``."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}  # by stage
-
-    @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
-        """Add the duration of the ``with`` block to a stage."""
-        began = time.perf_counter()
-        yield
-        self.seconds[stage] = round(self.seconds.get(stage, 0.0) + time.perf_counter() - began, 3)
+@contextmanager
+def _timed(seconds: Seconds, stage: str) -> Iterator[None]:
+    """Add the duration of the ``with`` block to the seconds of a stage."""
+    began = time.perf_counter()
+    yield
+    seconds[stage] = round(seconds.get(stage, 0.0) + time.perf_counter() - began, 3)
 
 
-def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatch) -> tuple[Image.Image, CutOut]:
+def _cut_out(path: Path, hints: Hints | None, mask: Path | None, seconds: Seconds) -> tuple[Image.Image, CutOut]:
     """Read an image and cut out its object."""
     try:
         with naming(path):
-            with clock("decode"):
+            with _timed(seconds, "decode"):
                 image = read_rgba(path)
                 if mask:
                     opacity = read_mask(mask, path, image.size)
                     image.putalpha(opacity)
                     _say(path, opacity.info[NOTE])
-            with clock("cut_out"):
+            with _timed(seconds, "cut_out"):
                 cut = cut_out(image, hints)
         _say(path, cut.note)
         if not mask and cut.confidence < DOUBTFUL_MASK:
@@ -303,7 +291,6 @@ def _photo(source: _Input, model: Model, scale: float) -> Photo:
 
 def _search(model: Model, job: FitJob, log: Path | None) -> FitStep:
     """Run a fit under a progress bar and return its last step; write all steps to ``log`` if given."""
-    step = None
     bar = tqdm(unit="step", leave=False, disable=bars_disabled())
     with bar, io.TextIOWrapper(open_output(log), line_buffering=True) if log else nullcontext() as file:
         lines = file and LastingOutput(file, str(log))
@@ -312,9 +299,7 @@ def _search(model: Model, job: FitJob, log: Path | None) -> FitStep:
             bar.set_postfix_str(f"{step.psnr:.2f} dB")
             bar.update()
             if lines:
-                lines.write(json.dumps(to_dict(step) | {"origin": step.origin}) + "\n")
-    if step is None:
-        raise ValueError("the fit made no step")
+                lines.write(json.dumps(_step_to_dict(step) | {"origin": step.origin}) + "\n")
     return step
 
 
@@ -337,28 +322,24 @@ def _hints(
         raise ValueError(f"{image}: {error} of {width}x{height} px") from None
 
 
-def to_dict(step: FitStep) -> dict[str, object]:
-    """Return a step as a dictionary for ``fit``'s JSON."""
+def _step_to_dict(step: FitStep) -> dict[str, object]:
+    leading = _camera_to_dict(step.cameras[0])
+    focal = leading.pop("focal")  # comes further down in the JSON
     second = step.runner_up
     return {
-        **_camera_to_dict(step.cameras[0]),
+        **leading,
         "psnr": round(step.psnr, 3),
         "seconds": round(step.seconds, 3),
         "steps": step.step,
         "loss": step.loss,
         "confidence": step.confidence and round(step.confidence, 3),
         "uncertainty_deg": step.uncertainty and round(step.uncertainty, 3),
-        "focal": _focal(step.cameras[0]),
-        "runner_up": second
-        and {**_camera_to_dict(second.cameras[0]), "focal": _focal(second.cameras[0]), "loss": second.loss},
+        "focal": focal,
+        "runner_up": second and {**_camera_to_dict(second.cameras[0]), "loss": second.loss},
         "photos": [
             None
             if number in step.left_out
-            else {
-                **_camera_to_dict(camera),
-                "focal": _focal(camera),
-                "confidence": confidence and round(confidence, 3),
-            }
+            else {**_camera_to_dict(camera), "confidence": confidence and round(confidence, 3)}
             for number, (camera, confidence) in enumerate(zip(step.cameras, step.confidences, strict=True))
         ],
     }
@@ -369,15 +350,5 @@ def _camera_to_dict(camera: Camera) -> dict[str, float]:
         "azimuth": round(math.degrees(camera.azimuth), 4),
         "elevation": round(math.degrees(camera.elevation), 4),
         "distance": round(camera.distance, 5),
+        "focal": round(camera.focal / camera.height, 4),  # image heights
     }
-
-
-def _focal(camera: Camera) -> float:
-    """Return the focal length in image heights."""
-    return round(camera.focal / camera.height, 4)
-
-
-def _doubt(confidence: float, second: RunnerUp) -> str:
-    camera = _camera_to_dict(second.cameras[0])
-    direction = f"azimuth {camera['azimuth']:.0f}, elevation {camera['elevation']:.0f}"
-    return f"the camera is doubtful (confidence {confidence:.2f}): it may be {direction}, or no object of this category"

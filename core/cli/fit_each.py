@@ -7,11 +7,13 @@ when its scene is written, so that a command that is started again fits only the
 import argparse
 import hashlib
 import json
+import math
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -19,12 +21,18 @@ from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
+from PIL import Image, ImageDraw
 from tqdm import tqdm
 
-from core.cli.contact_sheet import photo_strip, write_contact_sheet
-from core.cli.fit import Stopwatch, check_counts, fit_images, fitted_scene, photos_at, say_doubts, seconds_of, to_dict
+from core.cli.fit import check_counts, fit_images, fitted_scene, photos_at, say_doubts, to_dict
 from core.cli.output import collected_lines, say
+from core.export.films import View
+from core.export.framing import filling_frame
+from core.geometry.pixels import to_bytes
+from core.models.scene import Scene
 from core.photos.clip import is_clip
+from core.photos.decode import on_white
+from core.rendering.images import render_image
 from core.runtime.files import atomic_file, require_writable
 from core.runtime.pipes import refuse_pipe
 from core.runtime.threads import thread_count, use_threads
@@ -35,6 +43,9 @@ _PER_IMAGE = "images", "pose", "point", "mask", "box", "object"
 _FOR_ALL = "model", "pose_axes", "pose_scale", "preset", "estimate_focal", "no_photo_detail", "seed"
 _ROWS, _SHEET = "rows.jsonl", "contact-sheet.png"
 _DIED = "its process died, probably for want of memory: fewer --threads help"
+_SIDE, _CAPTION, _GAP = 200, 18, 12  # px of an image's side, of a caption's height, between strips of the contact sheet
+_BESIDE = math.radians(60)  # azimuth from the photo's camera
+_CAPTION_LETTERS = 96  # that fit under three images
 _PARENT_POLL = 0.5  # seconds between a process's looks for the command that started it
 
 
@@ -45,12 +56,13 @@ def fit_each(args: argparse.Namespace) -> None:
     photos = {str(single.source) for single in fits.values()}
     earlier = _read_rows(args.out)
     finished = {key: row for key, row in earlier.items() if _is_done(args.out, row) or row["photo"] not in photos}
-    _write_rows(args.out, finished.values())
+    with atomic_file(args.out / _ROWS) as partial:
+        partial.write_text("".join(json.dumps(row) + "\n" for row in finished.values()), encoding="utf-8")
     missing = {key: single for key, single in fits.items() if key not in finished}
     rows = finished | _fit_missing(args, missing, len(fits))
     failed = sum("error" in rows[key] for key in fits)
     sheet = args.out / _SHEET
-    write_contact_sheet(sheet, [(args.out / f"{key}.png", _caption(rows[key])) for key in fits])
+    _write_contact_sheet(sheet, [(args.out / f"{key}.png", _caption(rows[key])) for key in fits])
     reasons = f", {failed} failed ({args.out / _ROWS} says why)" if failed else ""
     say(f"{len(fits) - failed} of {len(fits)} photos are fitted{reasons}: {sheet}")
 
@@ -80,9 +92,8 @@ def _single_fits(args: argparse.Namespace) -> Iterator[argparse.Namespace]:
         options = {}
         for name in _PER_IMAGE:
             values = getattr(args, name)
-            values = (
-                values if len(values) < len(args.images) else [values[number]]
-            )  # a transforms.json is for all images
+            if len(values) == len(args.images):  # a transforms.json is for all images
+                values = [values[number]]
             options[name] = [value.absolute() if isinstance(value, Path) else value for value in values]
         options["source"] = source.absolute()
         options["images"] = photos_at(source.absolute())
@@ -124,11 +135,6 @@ def _read_rows(folder: Path) -> dict[str, Row]:
         except (ValueError, TypeError, KeyError):
             continue
     return rows
-
-
-def _write_rows(folder: Path, rows: Iterable[Row]) -> None:
-    with atomic_file(folder / _ROWS) as partial:
-        partial.write_text("".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8")
 
 
 def _is_done(folder: Path, row: Row) -> bool:
@@ -187,23 +193,22 @@ def _surviving(run: _Run, missing: Mapping[str, argparse.Namespace]) -> Iterator
 
 @contextmanager
 def _workers(args: argparse.Namespace) -> Iterator[_Run]:
-    """Yield a function that runs fits on all workers and yields rows in the order in which they are done."""
+    """Yield a function that runs fits and yields rows in the order in which they are done.
+
+    It uses processes of this machine, or the workers of a Dask cluster.
+    """
     with ExitStack() as stack:
-        stack.enter_context(_backend(args, stack))
+        if args.cluster:
+            from distributed import Client  # an optional extra
+
+            client = stack.enter_context(Client(args.cluster, set_as_default=False))
+            stack.enter_context(parallel_config("dask", client=client))
+        else:
+            stack.enter_context(parallel_config("loky", n_jobs=thread_count(), inner_max_num_threads=1))
         parallel = Parallel(return_as="generator_unordered", pre_dispatch="n_jobs", batch_size=1)
         settings = {name: value for name, value in os.environ.items() if name.startswith("CODENERF_")}
         command = os.getpid()
         yield lambda fits: parallel(delayed(_row)(key, single, settings, command) for key, single in fits)
-
-
-def _backend(args: argparse.Namespace, stack: ExitStack) -> AbstractContextManager:
-    """Return joblib's configuration: processes of this machine, or the workers of a Dask cluster."""
-    if not args.cluster:
-        return parallel_config("loky", n_jobs=thread_count(), inner_max_num_threads=1)
-    from distributed import Client  # an optional extra
-
-    client = stack.enter_context(Client(args.cluster, set_as_default=False))
-    return parallel_config("dask", client=client)
 
 
 def _row(key: str, single: argparse.Namespace, settings: Mapping[str, str], command: int) -> Row:
@@ -228,14 +233,13 @@ def _row(key: str, single: argparse.Namespace, settings: Mapping[str, str], comm
 
 def _fit_one(key: str, single: argparse.Namespace) -> Row:
     """Fit one photo, and write its scene and its strip of the contact sheet; return the result as a dictionary."""
-    clock = Stopwatch()
-    fitted = fit_images(single, clock)
+    fitted = fit_images(single)
     say_doubts(fitted)
     scene = fitted_scene(single, fitted.last)
     with atomic_file(single.out / f"{key}.png") as partial:
-        photo_strip(fitted.image, scene).save(partial)
+        _photo_strip(fitted.image, scene).save(partial)
     scene.save(single.out / f"{key}.json")  # last: it marks the photo as done
-    return {"category": fitted.model.category, **to_dict(fitted.last), **seconds_of(single, clock)}
+    return {"category": fitted.model.category, **to_dict(single, fitted)}
 
 
 def _identity(key: str, single: argparse.Namespace) -> Row:
@@ -245,11 +249,47 @@ def _identity(key: str, single: argparse.Namespace) -> Row:
 @cache
 def _end_with(command: int) -> None:
     """End this process soon after the command that started it, however that ends."""
+
+    def watch() -> None:
+        while os.getppid() == command:
+            time.sleep(_PARENT_POLL)
+        os._exit(1)
+
     if os.getppid() == command:
-        threading.Thread(target=_watch, args=(command,), daemon=True).start()
+        threading.Thread(target=watch, daemon=True).start()
 
 
-def _watch(command: int) -> None:
-    while os.getppid() == command:
-        time.sleep(_PARENT_POLL)
-    os._exit(1)
+# The contact sheet: each photo, its object from the photo's camera, and from beside it
+
+
+def _photo_strip(image: Image.Image, scene: Scene) -> Image.Image:
+    """Return a photo beside renders from its camera and from 60° beside, without photo detail."""
+    photo = on_white(image)
+    photo.thumbnail((_SIDE, _SIDE))
+    strip = Image.new("RGB", (3 * _SIDE, _SIDE), "white")
+    strip.paste(photo, ((_SIDE - photo.width) // 2, (_SIDE - photo.height) // 2))
+    camera = scene.camera.resized(_SIDE, _SIDE)
+    cameras = camera, replace(camera, azimuth=camera.azimuth + _BESIDE)
+    views = filling_frame([View(scene.instance, camera) for camera in cameras])
+    for number, view in enumerate(views, 1):
+        strip.paste(Image.fromarray(to_bytes(render_image(*view).colour)), (number * _SIDE, 0))
+    return strip
+
+
+def _write_contact_sheet(path: Path, strips: Sequence[tuple[Path, str]]) -> None:
+    """Write an image of strips (files) and their captions in columns; a missing strip leaves its place empty."""
+    width = 3 * _SIDE + _GAP
+    height = _SIDE + _CAPTION + _GAP
+    columns = max(1, round(math.sqrt(len(strips) * height / width)))
+    rows = math.ceil(len(strips) / columns)
+    sheet = Image.new("RGB", (columns * width + _GAP, rows * height + _GAP), "white")
+    pen = ImageDraw.Draw(sheet)
+    for number, (strip, caption) in enumerate(strips):
+        left = number % columns * width + _GAP
+        top = number // columns * height + _GAP
+        if strip.exists():
+            with Image.open(strip) as image:
+                sheet.paste(image, (left, top))
+        pen.text((left, top + _SIDE + 2), caption[:_CAPTION_LETTERS], "black")
+    with atomic_file(path) as partial:
+        sheet.save(partial)

@@ -1,18 +1,14 @@
 """``bench``: speed against accuracy, stability and freedom of the present code, and a gate against slowdowns."""
 
 import argparse
-from collections.abc import Iterator
-from typing import TypeVar
 
 from core.cli.output import say
 from core.cli.progress import wait_for_view_bank
 from core.lab.benchmarks import bench, gate, page, pictures
 from core.lab.benchmarks.held_out_views import DATASETS
-from core.lab.benchmarks.machine import conditions
-from core.lab.benchmarks.results import frame_of, write_frame
+from core.lab.benchmarks.results import conditions
 from core.models.library import DEFAULT_MODEL, load_model
 
-_Item = TypeVar("_Item")
 _QUICK_OBJECTS, _QUICK_MINUTES = 2, 5.0  # of each category
 
 
@@ -49,18 +45,14 @@ def bench_page(args: argparse.Namespace) -> None:
 def bench_gate(args: argparse.Namespace) -> None:
     """Run ``bench gate``: exit with status 1 if anything takes twice as long as the baseline."""
     path = args.out / "gate.csv"
-    baseline = () if args.write else gate.read_baseline(path)
+    baseline = {} if args.write else gate.read_baseline(path)
     model = load_model(DEFAULT_MODEL)
     wait_for_view_bank(model)
-    ratios = list(_reported(gate.measure_ratios(model)))
+    ratios = {}
+    for name, value in gate.measure_ratios(model):
+        say(f"{name}: {value:.3g}")
+        ratios[name] = value
     if args.write:
-        write_frame(path, frame_of(ratios))
+        gate.write_baseline(path, ratios)
     elif lines := gate.compare(ratios, baseline):
         raise SystemExit(f"more than {gate.TOLERANCE:g} times the baseline: {'; '.join(lines)}")
-
-
-def _reported(rows: Iterator[_Item]) -> Iterator[_Item]:
-    """Yield each row and print it to stderr."""
-    for row in rows:
-        say(str(row))
-        yield row

@@ -7,8 +7,6 @@ from typing import Any
 
 from core.cli.argument_types import image_size, model_name, number_from, whole_from
 
-Group = argparse._ActionsContainer  # a parser, or a group of its options
-
 
 class _Formatter(argparse.ArgumentDefaultsHelpFormatter):
     """Shows the defaults of options that their help does not tell, except None, False and empty ones."""
@@ -30,7 +28,9 @@ def add_command(commands: argparse._SubParsersAction, name: str, run: str, descr
     return command
 
 
-def option(group: Group, name: str, kind: Callable[[str], Any], value: str, text: str, **more: Any) -> None:
+def option(
+    group: argparse._ActionsContainer, name: str, kind: Callable[[str], Any], value: str, text: str, **more: Any
+) -> None:
     """Add an option or argument. One with several values may be repeated.
 
     Args:
@@ -63,11 +63,6 @@ def add_pose_scale(command: argparse.ArgumentParser) -> None:
 def add_seed(command: argparse.ArgumentParser) -> None:
     """Add ``--seed``."""
     command.add_argument("--seed", type=whole_from(0, 2**32 - 1), default=0, help="random seed")
-
-
-def add_no_photo_detail(command: argparse.ArgumentParser, description: str) -> None:
-    """Add ``--no-photo-detail``."""
-    command.add_argument("--no-photo-detail", action="store_true", help=description)
 
 
 def add_out(command: argparse.ArgumentParser, names: str, description: str = "") -> None:

@@ -81,9 +81,9 @@ def collected_lines() -> Iterator[list[str]]:
         _collected.reset(token)
 
 
-def collecting_lines() -> bool:
-    """True inside :func:`collected_lines`."""
-    return _collected.get() is not None
+def bars_disabled() -> bool | None:
+    """Return tqdm's ``disable``: True inside :func:`collected_lines`, None to show bars on terminals only."""
+    return None if _collected.get() is None else True
 
 
 def _nowhere() -> IO[str]:

@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -22,13 +22,11 @@ from core.cli.argument_types import (
     view_numbers,
     whole_from,
 )
-from core.cli.bench_parser import add_bench
 from core.cli.options import (
     add_command,
     add_datasets,
     add_device,
     add_model,
-    add_no_photo_detail,
     add_out,
     add_pose_scale,
     add_seed,
@@ -39,6 +37,8 @@ from core.fitting.settings import PRESETS
 from core.lab.datasets.categories import SPLITS
 from core.lab.training.recipes import RECIPES
 from core.runtime.program import program_name
+
+BENCHMARK_NAMES = ("fits", "stability", "frames", "exports", "disentanglement")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -62,18 +62,18 @@ def build_parser() -> argparse.ArgumentParser:
     """Build the parser of all commands."""
     top = _Parser(prog=program_name("core", "codenerf"), description="CodeNeRF without a window.", allow_abbrev=False)
     commands = top.add_subparsers(required=True, metavar="COMMAND")
-    _add_render(commands)
-    _add_turntable(commands)
-    _add_mesh(commands)
-    _add_page(commands)
-    _add_fit(commands)
-    _add_dataset(commands)
-    _add_train(commands)
-    _add_train_viewpoint(commands)
-    _add_train_parts(commands)
-    _add_convert(commands)
-    _add_evaluate(commands)
-    add_bench(commands)
+    library = _add_render, _add_turntable, _add_mesh, _add_page, _add_fit
+    laboratory = (
+        _add_dataset,
+        _add_train,
+        _add_train_viewpoint,
+        _add_train_parts,
+        _add_convert,
+        _add_evaluate,
+        _add_bench,
+    )
+    for add in library + laboratory:
+        add(commands)
     return top
 
 
@@ -83,7 +83,8 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
     option(what, "--object", int, "I", "an object of the model, from 0; else the mean object")
     scene = "a saved scene, or an image (png) that embeds one"
     option(what, "--scene", input_file, "S.json", scene)
-    add_no_photo_detail(command, "show the colours of the codes alone, without the photo detail of a fitted scene")
+    plain = "show the colours of the codes alone, without the photo detail of a fitted scene"
+    command.add_argument("--no-photo-detail", action="store_true", help=plain)
     edit = "move along named directions by standard deviations: rounder=1.5,darker=-1"
     option(command, "--edit", edits, "NAME=X,…", edit, action="extend", default=[])
     paint = "colour a part, such as the fabric or wood of a chair (default: the largest); photo detail stays"
@@ -168,15 +169,11 @@ def _add_page(commands: argparse._SubParsersAction) -> None:
 
 def _add_fit(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "fit", "fit.fit", "estimate camera and codes of an object in images; prints JSON")
-    option(
-        command,
-        "images",
-        input_file,
-        "[SIDE:]IMAGE",
-        "up to 12 images of one object, a folder of them, or a video; back:chair.jpg (front, left, back, right, "
-        "above) names the side that an image shows; see --each",
-        nargs="+",
+    images = (
+        "up to 12 images of one object, a folder of them, or a video; back:chair.jpg (front, left, back, right, above) "
+        "names the side that an image shows; see --each"
     )
+    option(command, "images", input_file, "[SIDE:]IMAGE", images, nargs="+")
     command.set_defaults(sides=())
     _add_each(command)
     resume = "fitted scene, whose object finds the cameras of these further images of it: a quarter of a search's time"
@@ -186,11 +183,16 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     add_device(command)
     frames = "frames of a video: the sharpest at even steps of time (default: 8)"
     option(command, "--frames", whole_from(1, 12), "N", frames)
-    _add_poses(command)
+    pose = "known cameras: an SRN file for each image, or one transforms.json with the images' names"
+    option(command, "--pose", input_file, "POSE", pose, nargs="+", default=[])
+    axes = "camera axes of SRN files; opengl: Blender's"
+    command.add_argument("--pose-axes", choices=("opencv", "opengl"), default="opencv", help=axes)
+    add_pose_scale(command)
     _add_hints(command)
     _add_preset(command)
     command.add_argument("--estimate-focal", action="store_true", help="find the focal length too (default: model's)")
-    add_no_photo_detail(command, "do not save the photo, whose details such as lettering are added to images")
+    plain = "do not save the photo, whose details such as lettering are added to images"
+    command.add_argument("--no-photo-detail", action="store_true", help=plain)
     option(command, "--out", Path, "S.json", "write the fitted scene (--each: a folder)")
     option(command, "--log", Path, "STEPS.jsonl", "write every step to this file, one line each")
     page = "write a page of detections, cut-out, witnesses and results"
@@ -208,17 +210,8 @@ def _add_each(command: argparse.ArgumentParser) -> None:
         help="each image, or folder of images, shows an object of its own: fit them into the folder --out, "
         "as many at once as --threads, each in a process of about 0.7 GB; started again, fits only what is missing",
     )
-    command.add_argument(
-        "--cluster", metavar="tcp://HOST:PORT", help="with --each: fit on this Dask cluster, which sees the same files"
-    )
-
-
-def _add_poses(command: argparse.ArgumentParser) -> None:
-    pose = "known cameras: an SRN file for each image, or one transforms.json with the images' names"
-    option(command, "--pose", input_file, "POSE", pose, nargs="+", default=[])
-    axes = "camera axes of SRN files; opengl: Blender's"
-    command.add_argument("--pose-axes", choices=("opencv", "opengl"), default="opencv", help=axes)
-    add_pose_scale(command)
+    cluster = "with --each: fit on this Dask cluster, which sees the same files"
+    option(command, "--cluster", str, "tcp://HOST:PORT", cluster)
 
 
 def _add_hints(command: argparse.ArgumentParser) -> None:
@@ -239,9 +232,8 @@ def _add_preset(command: argparse.ArgumentParser) -> None:
 
 
 def _add_dataset(commands: argparse._SubParsersAction) -> None:
-    kinds = commands.add_parser("dataset", help="render a dataset in ShapeNet-SRN's layout").add_subparsers(
-        required=True, metavar="KIND"
-    )
+    parser = commands.add_parser("dataset", help="render a dataset in ShapeNet-SRN's layout")
+    kinds = parser.add_subparsers(required=True, metavar="KIND")
     meshes = add_command(kinds, "meshes", "train.dataset_meshes", "render a folder of GLB files with its index.json")
     meshes.add_argument("folder", type=Path, metavar="DIR")
     option(meshes, "--variants", whole_from(0, 10_000), "N", "deformed, recoloured variants of each", default=0)
@@ -257,61 +249,39 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     option(pack, "--quality", whole_from(1, 100), "N", "of the colours; 100: exact", default=60)
 
 
-_DEFAULT_FIELD = RECIPES["default"].field
+_DEFAULT = RECIPES["default"]
 
 
 def _add_train(commands: argparse._SubParsersAction) -> None:
-    command = add_command(
-        commands,
-        "train",
-        "train.train",
-        "train a category model; --resume continues a run; on N cards or processors, with the objects shared out: "
-        "torchrun --nproc-per-node N -m core train ...",
+    training = (
+        "train a category model; --resume continues a run; on N cards or processors, with the objects shared out:"
     )
+    command = add_command(commands, "train", "train.train", f"{training} torchrun --nproc-per-node N -m core train ...")
     add_datasets(command)
-    command.add_argument(
-        "--shares", type=number_from(1e-6, 1e6), nargs="+", default=(), help="fraction of the rays for each dataset"
-    )
+    shares = "fraction of the rays for each dataset"
+    command.add_argument("--shares", type=number_from(1e-6, 1e6), nargs="+", default=(), help=shares)
     add_out(command, "M.safetensors")
     command.add_argument("--resume", action="store_true", help="continue from M.state, written beside M")
-    command.add_argument(
-        "--init",
-        metavar="MODEL",
-        help="start from a trained model and keep its viewpoint classifier; learning rates are a twentieth, or half if "
-        "the datasets contain new objects",
-    )
+    rates = "learning rates are a twentieth, or half if the datasets contain new objects"
+    initial = f"start from a trained model and keep its viewpoint classifier; {rates}"
+    option(command, "--init", str, "MODEL", initial)
     command.add_argument("--steps", type=count, default=100_000, help="length of the schedule")
-    command.add_argument(
-        "--rays", type=whole_from(1, 1_000_000), help=f"per step (default: {RECIPES['default'].rays}; 32768 on a card)"
-    )
+    rays = f"per step (default: {_DEFAULT.rays}; 32768 on a card)"
+    option(command, "--rays", whole_from(1, 1_000_000), "RAYS", rays)
     command.add_argument("--recipe", choices=tuple(RECIPES), default="default", help="M1, M2: the entangled ablations")
-    _add_field_size(command)
+    field = _DEFAULT.field
+    option(command, "--width", whole_from(1, 8192), "WIDTH", f"of the network ({field.width}, or the recipe's)")
+    latent = f"dimensions of a code (default: the recipe's; {field.shape_latent} {field.texture_latent} by default)"
+    codes = ("SHAPE", "TEXTURE")
+    command.add_argument("--latent", type=whole_from(1, 8192), nargs=2, metavar=codes, help=latent)
     add_device(command)
     add_pose_scale(command)
     add_seed(command)
 
 
-def _add_field_size(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--width", type=whole_from(1, 8192), help=f"of the network ({_DEFAULT_FIELD.width}, or the recipe's)"
-    )
-    usual = f"{_DEFAULT_FIELD.shape_latent} {_DEFAULT_FIELD.texture_latent} by default"
-    command.add_argument(
-        "--latent",
-        type=whole_from(1, 8192),
-        nargs=2,
-        metavar=("SHAPE", "TEXTURE"),
-        help=f"dimensions of a code (default: the recipe's; {usual})",
-    )
-
-
 def _add_train_viewpoint(commands: argparse._SubParsersAction) -> None:
-    command = add_command(
-        commands,
-        "train-viewpoint",
-        "train.train_viewpoint_classifier",
-        "train a model's viewpoint classifier, as train does last",
-    )
+    text = "train a model's viewpoint classifier, as train does last"
+    command = add_command(commands, "train-viewpoint", "train.train_viewpoint_classifier", text)
     add_datasets(command)
     add_model(command)
     add_out(command, "M.safetensors")
@@ -321,14 +291,12 @@ def _add_train_viewpoint(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_train_parts(commands: argparse._SubParsersAction) -> None:
-    command = add_command(
-        commands, "train-parts", "train.train_part_head", "train a model's part head, which labels the parts of meshes"
-    )
+    text = "train a model's part head, which labels the parts of meshes"
+    command = add_command(commands, "train-parts", "train.train_part_head", text)
     add_model(command)
     add_out(command, "M.safetensors")
-    command.add_argument(
-        "--labels", required=True, metavar="MODEL", help="a model with a part head, trained on some of the same objects"
-    )
+    labels = "a model with a part head, trained on some of the same objects"
+    option(command, "--labels", str, "MODEL", labels, required=True)
     option(command, "--objects", count, "N", "common objects to use", default=200)
 
 
@@ -351,3 +319,34 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     option(command, "--report", Path, "R.json", "write the scores")
     add_pose_scale(command)
     add_seed(command)
+
+
+def _add_bench(commands: argparse._SubParsersAction) -> None:
+    parser = commands.add_parser("bench", help="measure on this machine and plot charts")
+    kinds = parser.add_subparsers(required=True, metavar="KIND")
+    for name, (help_text, *option_adders) in _KINDS.items():
+        kind = add_command(kinds, name, f"measure.bench_{name}", help_text)
+        for add in option_adders:
+            add(kind)
+        option(kind, "--out", Path, "DIR", "folder of the charts", default=Path("assets/charts"))
+
+
+def _add_all(kind: argparse.ArgumentParser) -> None:
+    kind.add_argument("--quick", action="store_true", help="a few cases and objects in five minutes")
+    option(kind, "--minutes", number_from(0, 1e5), "M", "when to stop (default: when all is done)")
+    option(kind, "--dataset", Path, "D", "held-out objects (default: assets/benchmark)", nargs="+")
+    option(kind, "--objects", count, "N", "of each dataset (default: all; quickly two)")
+    option(kind, "--views", count, "N", "fitted views of each object, one after another", default=1)
+    text = f"some of {', '.join(BENCHMARK_NAMES)}"
+    kind.add_argument("--only", choices=BENCHMARK_NAMES, nargs="+", metavar="NAME", help=text)
+
+
+def _add_write(kind: argparse.ArgumentParser) -> None:
+    kind.add_argument("--write", action="store_true", help="write gate.csv, the baseline, instead")
+
+
+_KINDS: dict[str, tuple[str, *tuple[Callable[[argparse.ArgumentParser], object], ...]]] = {
+    "all": ("measure everything on the page of charts, row by row, and draw it; resumable", _add_all),
+    "page": ("draw the charts and fill the page again from the CSV files",),
+    "gate": ("fail if anything takes twice as long as in gate.csv", _add_write),
+}  # help text of each kind, and functions that add its options

@@ -5,7 +5,7 @@ from typing import TypeVar
 
 from tqdm import tqdm
 
-from core.cli.output import collecting_lines
+from core.cli.output import bars_disabled
 from core.models.model import Model
 from core.streams import run_to_end
 
@@ -21,11 +21,6 @@ def run_with_progress(stream: Iterator[object], total: int, unit: str) -> None:
     with tqdm(total=total, unit=unit, initial=1, disable=None) as bar:
         for _ in stream:
             bar.update()
-
-
-def bars_disabled() -> bool | None:
-    """Return tqdm's ``disable``: True where lines are collected, None to show bars on terminals only."""
-    return collecting_lines() or None
 
 
 def run_with_fraction(stream: Generator[float, None, _Result], name: str) -> _Result:

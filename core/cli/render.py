@@ -48,7 +48,9 @@ def turntable(args: argparse.Namespace) -> None:
     background = None if args.transparent else WHITE
     settings = VideoSettings(args.fps, args.quality, background, args.exact, args.shadow, args.dimensions)
     if args.to is not None:
-        shots = films.morph(instance, _partner(args.to, instance), camera, args.frames or films.TURN)
+        model = instance.model
+        partner = model[args.to] if isinstance(args.to, int) else Scene.load(args.to, model).instance
+        shots = films.morph(instance, partner, camera, args.frames or films.TURN)
     elif args.swing:
         shots = films.swing(instance, camera, args.frames or films.SWING)
     else:
@@ -60,11 +62,6 @@ def turntable(args: argparse.Namespace) -> None:
     written = write_video(shots, args.out, settings)
     counts = (count for previous, count in pairwise(chain((0,), written)) if count > previous)
     run_with_progress(counts, _shown_frames(shots, args), "frame")
-
-
-def _partner(to: int | Path, instance: Instance) -> Instance:
-    """Return the object that another one morphs into: a training object by its number, or that of a scene."""
-    return instance.model[to] if isinstance(to, int) else Scene.load(to, instance.model).instance
 
 
 def _shown_frames(shots: Sequence[View], args: argparse.Namespace) -> int:
@@ -83,7 +80,7 @@ def mesh(args: argparse.Namespace) -> None:
     from core.export.mesh import MeshSettings, export_mesh  # imports scipy, which videos and images do not need
     from core.export.print_formats import LARGEST_PRINT, PRINTED
 
-    instance, camera = _load_selection(args)
+    instance, camera = _load_view(args)
     metres = args.metres or (None if instance.is_sized else instance.model.metres)
     settings = MeshSettings(args.resolution, metres, args.texture or 0, args.triangles or 0)
     if args.out.suffix.lower() in PRINTED and (side := metres or max(size_of(instance)) / 100) > LARGEST_PRINT:
@@ -128,20 +125,16 @@ def _load_view(args: argparse.Namespace, from_photo: bool = False) -> View:
     Args:
         from_photo: use the camera of the object's photo, if it has one, in place of the scene's.
     """
-    instance, camera = _load_selection(args)
-    if from_photo:
-        camera = Scene(instance, camera).photo_camera
-    options = {name: getattr(args, name) for name in ("azimuth", "elevation", "distance")}
-    return View(instance, replace(camera, **{name: value for name, value in options.items() if value is not None}))
-
-
-def _load_selection(args: argparse.Namespace) -> View:
-    """Return the chosen object, and the scene's camera or the default one."""
     model = load_model(model_with(args.scene and scene_model(args.scene), args.model), args.device)
     if args.scene:
-        return _opened(args, args.scene, model)
-    instance = model.mean if args.object is None else model[args.object]
-    return View(_edited(args, instance), model.camera(math.radians(60), math.radians(20)))
+        instance, camera = _opened(args, args.scene, model)
+    else:
+        instance = _edited(args, model.mean if args.object is None else model[args.object])
+        camera = model.camera(math.radians(60), math.radians(20))
+    if from_photo:
+        camera = Scene(instance, camera).photo_camera
+    options = {name: getattr(args, name, None) for name in ("azimuth", "elevation", "distance")}  # none of a mesh
+    return View(instance, replace(camera, **{name: value for name, value in options.items() if value is not None}))
 
 
 def _opened(args: argparse.Namespace, path: Path, model: Model) -> View:

@@ -17,8 +17,7 @@ from core.lab.datasets.glb_objects import mesh_tasks, render_objects
 from core.lab.datasets.packs import SUFFIX
 from core.lab.datasets.srn import Dataset, index_objects, pack_datasets, read_dataset
 from core.lab.datasets.srn_cameras import SPIRAL_VIEWS
-from core.lab.training.curve import CurvePoint, read_curve, write_curve
-from core.lab.training.held_out import held_out_psnr, hold_out
+from core.lab.training.held_out import CurvePoint, held_out_psnr, hold_out, read_curve, write_curve
 from core.lab.training.parts import fit_part_head, labelled_places
 from core.lab.training.processes import Processes, training_processes
 from core.lab.training.recipes import RECIPES

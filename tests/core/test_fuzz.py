@@ -15,7 +15,7 @@ from PIL import Image
 from core.geometry.camera import Camera
 from core.geometry.pose_files import read_pose
 from core.lab.datasets.srn import index_objects, write_manifest
-from core.lab.training.curve import read_curve
+from core.lab.training.held_out import read_curve
 from core.models.authors_checkpoint import load_authors
 from core.models.model import Model
 from core.models.scene import Scene, save_image, scene_model

@@ -11,7 +11,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields
-from itertools import product
+from itertools import product, takewhile
 from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
@@ -82,7 +82,7 @@ def run(plan: Plan, out: Path, conditions: Mapping[str, str], report: Callable[[
 
     Args:
         out: folder of the CSV files.
-        conditions: columns that say where rows come from (:func:`core.lab.benchmarks.machine.conditions`).
+        conditions: columns that say where rows come from (:func:`core.lab.benchmarks.results.conditions`).
         report: gets a line for every row.
     """
     tasks = plan_tasks(plan)
@@ -90,21 +90,14 @@ def run(plan: Plan, out: Path, conditions: Mapping[str, str], report: Callable[[
     finished = {benchmark: _finished(out / f"{benchmark}.csv", conditions) for benchmark in plan.benchmarks}
     missing = [task for task in tasks if tuple(task[1:]) not in finished[task.benchmark]]
     deadline = math.inf if plan.minutes is None else time.monotonic() + 60 * plan.minutes
-    started = 0
-
-    def in_time() -> Iterator[Task]:
-        nonlocal started
-        for task in missing:
-            if time.monotonic() > deadline:
-                return
-            started += 1
-            yield task
-
-    for task, rows in _results(in_time(), plan.datasets):
+    in_time = takewhile(lambda _: time.monotonic() <= deadline, missing)
+    done = 0
+    for task, rows in _results(in_time, plan.datasets):
+        done += 1
         if rows:
             append_rows(out / f"{task.benchmark}.csv", conditions, rows)
         report(f"{task.benchmark}: {task.category}, {task.name} {task.number}, {task.case}")
-    return started == len(missing)
+    return done == len(missing)
 
 
 def _finished(path: Path, conditions: Mapping[str, str]) -> set[tuple]:

@@ -178,7 +178,11 @@ def _stability_chart(frames: Frames) -> Figure:
                 levels = 100 * levels.sort_index()
                 label = f"{kind}, {method}"
                 axes.plot(levels.index, levels, f"{marker}{dashes}", color=colour, ms=5, label=label)
-            _draw_doubts(axes, rows[(rows.method == DEFAULT) & ~rows.right], stressor.levels, index, colour)
+            wrong = rows[(rows.method == DEFAULT) & ~rows.right]
+            doubted = 100 * wrong.groupby("level").doubted.mean()
+            span = max(stressor.levels) - min((*stressor.levels, 0.0)) or 1.0
+            offset = (index - 0.5) * 0.06 * span
+            axes.bar(doubted.index + offset, doubted, 0.05 * span, color=colour, alpha=0.25)
         axes.set(ylim=(-4, 104), yticks=(0, 50, 100))
         if len(stressor.levels) == 1:
             axes.set(xlim=(-0.3, 1.3), xticks=(0, 1), xticklabels=("right", "wrong"))
@@ -191,14 +195,6 @@ def _stability_chart(frames: Frames) -> Figure:
     figure.supylabel(f"cameras within {RIGHT_DEGREES:g}° (%); bars: doubted among the wrong (%)", fontsize=9)
     _sign(figure, trials)
     return figure
-
-
-def _draw_doubts(axes: Axes, wrong: pd.DataFrame, levels: Sequence[float], index: int, colour: str) -> None:
-    """Draw bars of the doubted fraction of wrong results at each level."""
-    doubted = 100 * wrong.groupby("level").doubted.mean()
-    span = max(levels) - min((*levels, 0.0)) or 1.0
-    offset = (index - 0.5) * 0.06 * span
-    axes.bar(doubted.index + offset, doubted, 0.05 * span, color=colour, alpha=0.25)
 
 
 def _freedom_chart(frames: Frames) -> Figure:

@@ -6,16 +6,18 @@ a fit without its shortcuts. Fields run in float32, which every machine multipli
 processor, commands by the clock, beside processes that keep all other cores busy.
 """
 
+import math
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import pandas as pd
 import torch
 
 from core.detail.progressive import RenderSettings
@@ -23,7 +25,7 @@ from core.fitting.fit import PRESETS, FitJob
 from core.fitting.paper import fit_as_set
 from core.fitting.settings import FitSettings
 from core.lab.benchmarks.held_out_views import render_on_white, timed
-from core.lab.benchmarks.results import read_frame
+from core.lab.benchmarks.results import read_frame, write_frame
 from core.models.library import sample_images
 from core.models.model import Model
 from core.photos.photo import Photo
@@ -39,19 +41,8 @@ _SPIN = "import os; parent = os.getppid()\nwhile os.getppid() == parent: sum(ran
 """ends with the program that started it, even if that is killed"""
 
 
-@dataclass(frozen=True)
-class Ratio:
-    """The time of one operation relative to another's."""
-
-    name: str
-    value: float
-
-    def __str__(self) -> str:
-        return f"{self.name}: {self.value:.3g}"
-
-
-def measure_ratios(model: Model) -> Iterator[Ratio]:
-    """Yield each ratio; takes under a minute on an idle machine."""
+def measure_ratios(model: Model) -> Iterator[tuple[str, float]]:
+    """Yield name and value of each ratio of two operations' times; takes under a minute on an idle machine."""
     instance = model.first
     camera = model.camera(0.9, 0.4)
     with use_dtype(torch.float32):
@@ -60,26 +51,37 @@ def measure_ratios(model: Model) -> Iterator[Ratio]:
         photo = Photo(*render_on_white(instance, camera))
         naive = _second_time(lambda: _fit(model, photo, replace(PRESETS["paper"], steps=_NAIVE_STEPS)))
         fitted = _second_time(lambda: _fit(model, photo, replace(PRESETS["draft"], max_restarts=0)))
-    yield Ratio("a render against an exact one", rendered / exact)
-    yield Ratio(f"a draft fit against {_NAIVE_STEPS} naive steps", fitted / naive)
-    yield from _commands(model.category)
+    yield "a render against an exact one", rendered / exact
+    yield f"a draft fit against {_NAIVE_STEPS} naive steps", fitted / naive
+    photo_path = str(sample_images(model.category)[0])
+    words = (sys.executable, "-m", "core", "fit", photo_path, "--model", model.category, "--preset", "draft")
+    with busy_processes(max(1, (os.cpu_count() or 1) - 1)):
+        importing = _second_time(partial(subprocess.run, _IMPORT, check=True), clock=time.perf_counter)
+        fit_process = partial(subprocess.run, words, cwd=_ROOT, capture_output=True, check=True)
+        fitting = _second_time(fit_process, clock=time.perf_counter)
+    yield "a draft fit's process against importing torch", fitting / importing
 
 
-def compare(ratios: Sequence[Ratio], baseline: Sequence[Ratio]) -> list[str]:
+def compare(ratios: Mapping[str, float], baseline: Mapping[str, float]) -> list[str]:
     """Return a line for each ratio of the baseline that is missing or too large."""
-    values = {ratio.name: ratio.value for ratio in ratios}
     return [
-        f"{ratio}, now {values[ratio.name]:.3g}" if ratio.name in values else f"{ratio}, now missing"
-        for ratio in baseline
-        if not values.get(ratio.name, float("inf")) <= TOLERANCE * ratio.value
+        f"{name}: {usual:.3g}, now {f'{ratios[name]:.3g}' if name in ratios else 'missing'}"
+        for name, usual in baseline.items()
+        if not ratios.get(name, math.inf) <= TOLERANCE * usual
     ]
 
 
-def read_baseline(path: Path) -> tuple[Ratio, ...]:
+def write_baseline(path: Path, ratios: Mapping[str, float]) -> None:
+    """Write ratios as a baseline."""
+    write_frame(path, pd.DataFrame(ratios.items(), columns=["name", "value"]))
+
+
+def read_baseline(path: Path) -> dict[str, float]:
     """Read the ratios of a baseline. Raise ``ValueError`` if the file has none."""
     if not path.is_file():
         raise ValueError(f"no baseline: {path}")
-    return tuple(map(Ratio, *read_frame(path, ["name", "value"])[["name", "value"]].to_dict("list").values()))
+    frame = read_frame(path, ["name", "value"])
+    return dict(zip(frame.name, frame.value, strict=True))
 
 
 def _second_time(
@@ -96,17 +98,6 @@ def _second_time(
 def _fit(model: Model, photo: Photo, settings: FitSettings) -> None:
     for _ in fit_as_set(model, FitJob((photo,), settings)):
         pass
-
-
-def _commands(category: str) -> Iterator[Ratio]:
-    """Time whole processes of the command line."""
-    photo = str(sample_images(category)[0])
-    words = (sys.executable, "-m", "core", "fit", photo, "--model", category, "--preset", "draft")
-    with busy_processes(max(1, (os.cpu_count() or 1) - 1)):
-        importing = _second_time(partial(subprocess.run, _IMPORT, check=True), clock=time.perf_counter)
-        fit_process = partial(subprocess.run, words, cwd=_ROOT, capture_output=True, check=True)
-        fitting = _second_time(fit_process, clock=time.perf_counter)
-    yield Ratio("a draft fit's process against importing torch", fitting / importing)
 
 
 @contextmanager

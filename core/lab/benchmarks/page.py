@@ -160,22 +160,16 @@ def _exports_sentence(frames: Frames) -> str:
 # Stability
 
 
-def _hardest(frames: Frames) -> list[tuple[str, pd.DataFrame]]:
-    """Return the trials of each stressor's last level by the default, with a title."""
-    trials = frames["stability"]
-    return [
-        (
-            f"{stressor.title}, {stressor.levels[-1]:g} {stressor.unit}" if stressor.unit else stressor.title,
-            trials[(trials.method == DEFAULT) & (trials.stressor == name) & (trials.level == stressor.levels[-1])],
-        )
-        for name, stressor in STRESSORS.items()
-    ]
-
-
 def _stability_sentences(frames: Frames) -> str:
     ours = frames["stability"][frames["stability"].method == DEFAULT]
-    rates = sorted((group.right.mean(), title.lower()) for title, group in _hardest(frames) if len(group))
-    names = "; ".join(f"{title} ({100 * rate:.0f} %)" for rate, title in rates[:3])
+    rates = []
+    for name, stressor in STRESSORS.items():
+        hardest = stressor.levels[-1]
+        title = f"{stressor.title}, {hardest:g} {stressor.unit}" if stressor.unit else stressor.title
+        group = ours[(ours.stressor == name) & (ours.level == hardest)]
+        if len(group):
+            rates.append((group.right.mean(), title.lower()))
+    names = "; ".join(f"{title} ({100 * rate:.0f} %)" for rate, title in sorted(rates)[:3])
     wrong = ours[~ours.right]
     sure = int(wrong_and_sure(ours, SURE_FROM).sum())
     doubts = f"of {len(wrong)} wrong results among {len(ours)}, the program doubts {wrong.doubted.sum()}"

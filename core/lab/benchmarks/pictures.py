@@ -13,7 +13,7 @@ from core.fitting.fit import PRESETS, FitJob, fit
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.lab.benchmarks.fits import DEFAULT, PHOTO_COUNTS
-from core.lab.benchmarks.held_out_views import MOST_PHOTOS, HeldOutView, held_out_view
+from core.lab.benchmarks.held_out_views import MOST_PHOTOS, held_out_view
 from core.lab.benchmarks.stability import corrupted_photos, surest_mistakes
 from core.lab.benchmarks.stressors import STRESSORS
 from core.lab.datasets.srn import evenly_spaced, index_objects
@@ -49,7 +49,11 @@ def draw_failure(datasets: tuple[Path, ...], trials: pd.DataFrame, out: Path) ->
         view = held_out_view(datasets, str(trial.category), str(trial.name), int(trial.number))
         photos = corrupted_photos(view, STRESSORS[str(trial.stressor)], float(trial.level))
         *_, last = fit(view.model, FitJob(photos, PRESETS[DEFAULT], view.seed))
-        rows.append(_failure(view, to_bytes(photos[0].pixels), last.instance.with_detail(None), last.cameras[0]))
+        instance = last.instance.with_detail(None)
+        index = view.order[-1]
+        other = view.views.images[index], view.views.cameras[index]
+        pairs = (to_bytes(photos[0].pixels), last.cameras[0]), other
+        rows.append([image for photo, camera in pairs for image in (_resized(photo), _image(instance, camera))])
     if rows:
         Image.fromarray(_grid(rows)).save(out / FAILURE)
 
@@ -71,14 +75,6 @@ def draw_photos(datasets: tuple[Path, ...], out: Path) -> None:
         row = [_image(step.instance.with_detail(None), camera) for step in steps]
         rows.append([*row, _resized(view.views.images[furthest])])
     Image.fromarray(_grid(rows)).save(out / PHOTOS)
-
-
-def _failure(
-    view: HeldOutView, photo: UInt8[np.ndarray, "height width 3"], instance: Instance, camera: Camera
-) -> list[UInt8[np.ndarray, "side side 3"]]:
-    index = view.order[-1]
-    other = view.views.cameras[index]
-    return [_resized(photo), _image(instance, camera), _resized(view.views.images[index]), _image(instance, other)]
 
 
 def _resized(image: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "side side 3"]:

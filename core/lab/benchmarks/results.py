@@ -1,15 +1,23 @@
-"""Measurements as CSV files and frames: a row per trial, a column per number.
+"""Measurements as CSV files and frames: a row per trial, a column per number, and the code and machine that measured.
 
 Columns of nested values contain a dot (``others.psnr``); None is an empty cell. Floats are written in full.
 """
 
+import platform
+import subprocess
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
+from datetime import date
 from pathlib import Path
 from typing import Any, get_type_hints
 
 import pandas as pd
+import torch
 
+from core.runtime.precision import matmul_dtype
+
+_ROOT = Path(__file__).resolve().parents[3]
+_MEASURED = ("core", "assets/models", "assets/networks", "assets/benchmark")  # files that decide the results
 _TEXTS = ("category", "name", "case", "method", "outcome", "commit")  # never read as numbers
 
 
@@ -51,3 +59,28 @@ def _cells(value: Any, name: str) -> Iterator[tuple[str, Any]]:
         return
     for field in get_type_hints(type(value)):
         yield from _cells(getattr(value, field), f"{name}.{field}".removeprefix("."))
+
+
+def describe_code(root: Path = _ROOT) -> str:
+    """Return the last commit of the files that decide the results, with + for changes since; "unknown" without git.
+
+    Commits of documents leave it as it is, so measurements can be resumed after them.
+    """
+    try:
+        commit = _git(root, "log", "-1", "--format=%h", "--", *_MEASURED)
+        changed = _git(root, "status", "--porcelain", "--untracked-files=no", "--", *_MEASURED)
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return f"{commit}{'+' if changed else ''}"
+
+
+def conditions() -> dict[str, str]:
+    """Return the columns of each measurement's origin: the code, the kind of processor with torch, and the day."""
+    dtype = str(matmul_dtype("cpu")).removeprefix("torch.")
+    kind = f"{platform.machine()} {torch.backends.cpu.get_cpu_capability()}"
+    processor = f"{kind}, {dtype}, torch {torch.__version__}"
+    return {"commit": describe_code(), "processor": processor, "date": date.today().isoformat()}
+
+
+def _git(root: Path, *words: str) -> str:
+    return subprocess.run(("git", *words), cwd=root, capture_output=True, text=True, check=True).stdout.strip()

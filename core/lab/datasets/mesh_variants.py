@@ -47,7 +47,12 @@ def deformed(surfaces: Sequence[Surface], name: str, shape: int) -> tuple[Surfac
     stretch, halves = generator.uniform(-_STRETCH, _STRETCH, (2, 3))
     halves[0] = 0.0
     factors = np.exp(np.stack((stretch - halves / 2, stretch + halves / 2)))
-    return tuple(_stretched(surface, knee, factors) for surface in surfaces)
+    deformed = []
+    for surface in surfaces:
+        away = surface.vertices - knee
+        factor = np.where(away < 0, *factors)  # of the halves before and behind the knee
+        deformed.append(replace(surface, vertices=knee + away * factor, normals=surface.normals / factor))
+    return tuple(deformed)
 
 
 def recoloured(surfaces: Sequence[Surface], name: str, recolouring: int) -> tuple[Surface, ...]:
@@ -59,13 +64,6 @@ def recoloured(surfaces: Sequence[Surface], name: str, recolouring: int) -> tupl
         return tuple(surfaces)
     recolour = _recolouring(surfaces, _generator(name, 2, recolouring))
     return tuple(_repainted(surface, recolour) for surface in surfaces)
-
-
-def _stretched(surface: Surface, knee: Float[np.ndarray, "3"], factors: Float[np.ndarray, "2 3"]) -> Surface:
-    """Stretch along each axis by the first factors below the knee and by the second above it."""
-    away = surface.vertices - knee
-    factor = np.where(away < 0, factors[0], factors[1])
-    return replace(surface, vertices=knee + away * factor, normals=surface.normals / factor)
 
 
 def _recolouring(surfaces: Sequence[Surface], generator: np.random.Generator) -> Recolouring:

@@ -184,7 +184,6 @@ class Rasteriser:
 
     def _batch(self, group: Sequence[Surface]) -> tuple[moderngl.VertexArray, moderngl.Texture]:
         """Combine surfaces that share a texture into one draw call."""
-        first = group[0]
         blank = [s.uvs if s.uvs is not None else np.zeros((len(s.vertices), 2)) for s in group]
         rows = [np.hstack((s.vertices, s.normals, s.colours, uv)) for s, uv in zip(group, blank, strict=True)]
         starts = np.cumsum([0] + [len(s.vertices) for s in group])
@@ -193,14 +192,12 @@ class Rasteriser:
         indices = self._context.buffer(faces.astype(np.int32).tobytes())
         layout = [(vertices, "3f 3f 3f 2f", "place", "normal", "colour", "uv")]
         array = self._context.vertex_array(self._program, layout, indices)
-        texture = self._plain if first.texture is None else self._texture(first.texture)
+        texture = self._plain
+        if (pixels := group[0].texture) is not None:
+            texture = self._context.texture(pixels.shape[1::-1], 4, np.ascontiguousarray(pixels).tobytes())
+            texture.build_mipmaps()
+            texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+            self._resources.callback(texture.release)
         for resource in (vertices, indices, array):
             self._resources.callback(resource.release)
         return array, texture
-
-    def _texture(self, pixels: UInt8[np.ndarray, "h w 4"]) -> moderngl.Texture:
-        texture = self._context.texture(pixels.shape[1::-1], 4, np.ascontiguousarray(pixels).tobytes())
-        texture.build_mipmaps()
-        texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-        self._resources.callback(texture.release)
-        return texture

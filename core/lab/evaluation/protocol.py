@@ -1,7 +1,12 @@
-"""The paper's protocol: fit an object to one or a few views, render its other views, compare."""
+"""The paper's protocol: fit an object to one or a few views, render its other views, compare.
 
+The scores become tables as text, and JSON.
+"""
+
+import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -16,9 +21,7 @@ from core.metrics import haze, psnr, rotation_error, silhouette_overlap, ssim, t
 from core.models.model import Instance, Model
 from core.photos.photo import Photo
 from core.rendering.images import render_image
-
-OUTLIER_DEGREES, OUTLIER_SHARE = 5.0, 0.03
-"""Errors of a camera (rotation, translation over true distance) above which it is an outlier."""
+from core.runtime.files import write_json
 
 
 @dataclass(frozen=True)
@@ -32,12 +35,8 @@ class EvaluationProtocol:
     every: int = 1  # stride over the other views; the paper renders all of them
 
     def __post_init__(self) -> None:
-        if self.preset not in PRESETS:
-            raise ValueError(f"no preset {self.preset!r}; choose one of {', '.join(PRESETS)}")
         if not self.inputs or min(self.inputs) < 0 or len(set(self.inputs)) < len(self.inputs):
             raise ValueError(f"input views must be distinct numbers from 0, got {self.inputs}")
-        if self.every < 1:
-            raise ValueError(f"the stride over views must be at least 1, got {self.every}")
 
 
 @dataclass(frozen=True)
@@ -53,7 +52,7 @@ class PoseScore:
     @property
     def outlier(self) -> bool:
         """True if the camera is off by more than 5 degrees or 3 % of the distance."""
-        return self.rotation > OUTLIER_DEGREES or self.translation > OUTLIER_SHARE
+        return self.rotation > 5.0 or self.translation > 0.03
 
 
 @dataclass(frozen=True)
@@ -81,25 +80,19 @@ def evaluate(model: Model, objects: Iterable[ObjectViews], protocol: EvaluationP
     model's.
     """
     for views in objects:
-        yield _score_object(model, views, protocol)
-
-
-def _score_object(model: Model, views: ObjectViews, protocol: EvaluationProtocol) -> ObjectScore:
-    rest = [index for index in range(len(views.cameras)) if index not in protocol.inputs][:: protocol.every]
-    _require_views(views, protocol, rest)
-    if protocol.estimate:
-        _require_focal_length(model, views)
-    photos = tuple(as_photo(views, index, not protocol.estimate) for index in protocol.inputs)
-    job = FitJob(photos, PRESETS[protocol.preset], protocol.seed)
-    first, last = fit_first_last(model, job)
-    scores = [score_view(last.instance, views, index) for index in rest]
-    poses = tuple(
-        _pose_score(view, views.cameras[view], estimated, initial)
-        for view, estimated, initial in zip(protocol.inputs, last.cameras, first.cameras, strict=True)
-        if protocol.estimate
-    )
-    means = np.mean(scores, axis=0)
-    return ObjectScore(views.name, float(means[0]), float(means[1]), len(rest), last.seconds, poses)
+        rest = [index for index in range(len(views.cameras)) if index not in protocol.inputs][:: protocol.every]
+        _require_views(views, protocol, rest)
+        if protocol.estimate:
+            _require_focal_length(model, views)
+        photos = tuple(as_photo(views, index, not protocol.estimate) for index in protocol.inputs)
+        first, last = fit_first_last(model, FitJob(photos, PRESETS[protocol.preset], protocol.seed))
+        means = np.mean([score_view(last.instance, views, index) for index in rest], axis=0)
+        poses = tuple(
+            _pose_score(view, views.cameras[view], estimated, initial)
+            for view, estimated, initial in zip(protocol.inputs, last.cameras, first.cameras, strict=True)
+            if protocol.estimate
+        )
+        yield ObjectScore(views.name, float(means[0]), float(means[1]), len(rest), last.seconds, poses)
 
 
 def fit_first_last(model: Model, job: FitJob) -> tuple[FitStep, FitStep]:
@@ -217,3 +210,55 @@ def _pose_summary(scores: Sequence[ObjectScore]) -> PoseSummary:
         *(fraction("rotation", limit) for limit in (5.0, 10.0)),
         *(fraction("translation", limit) for limit in (0.03, 0.05)),
     )
+
+
+# Reports
+
+
+def format_table(scores: Sequence[ObjectScore], protocol: EvaluationProtocol) -> str:
+    """Format the paper's table and, for estimated cameras, their errors."""
+    summary = summarise(scores)
+    inputs = f"{len(protocol.inputs)}-view ({', '.join(map(str, protocol.inputs))})"
+    name = f"{inputs}, camera {'estimated' if protocol.estimate else 'known'}"
+    lines = [f"{'':38}{'PSNR (dB)':>22}{'SSIM':>24}{'objects':>9}", _row(name, summary)]
+    if summary.without_outliers:
+        lines.append(_row("  - outliers (over 5 degrees or 3 %)", summary.without_outliers))
+    lines.append(f"\n{summary.seconds.mean:.1f} s for a fit; 95 % intervals by bootstrap over objects")
+    if summary.pose:
+        lines += ["", *_pose_table(summary.pose, summary.without_outliers)]
+    return "\n".join(lines)
+
+
+def write_report(
+    path: Path, scores: Sequence[ObjectScore], protocol: EvaluationProtocol, origin: dict[str, str]
+) -> None:
+    """Write the numbers as JSON, per object too."""
+    objects = [asdict(score) | {"outlier": score.outlier} for score in scores]
+    content = origin | {"protocol": asdict(protocol), "summary": asdict(summarise(scores)), "objects": objects}
+    write_json(path, content)
+
+
+def _row(name: str, summary: EvaluationSummary) -> str:
+    return f"{name:38}{_interval(summary.psnr, 2):>22}{_interval(summary.ssim, 3):>24}{summary.objects:>9}"
+
+
+def _interval(value: Mean, digits: int, scale: float = 1.0) -> str:
+    if math.isnan(value.mean):
+        return "-"
+    mean, low, high = (f"{scale * number:.{digits}f}" for number in value)
+    return f"{mean} [{low}, {high}]"
+
+
+def _pose_table(pose: PoseSummary, kept: EvaluationSummary | None) -> list[str]:
+    without = kept.pose if kept and kept.pose else None
+    head = f"{pose.cameras} cameras"
+    lines = [f"{head:22}{'initial':>24}{'final':>24}{'- outliers':>24}"]
+    rows = (("rotation (degrees)", "rotation", 1.0), ("translation (%)", "translation", 100.0))
+    for name, field, scale in rows:
+        means = [getattr(pose, f"initial_{field}"), getattr(pose, field), getattr(without, field) if without else None]
+        cells = (_interval(mean, 2, scale) if mean else "-" for mean in means)
+        lines.append(f"{name:22}" + "".join(f"{cell:>24}" for cell in cells))
+    limits = (("5 degrees", "within_5_degrees"), ("10 degrees", "within_10_degrees"))
+    for limit, field in (*limits, ("3 %", "within_3_percent"), ("5 %", "within_5_percent")):
+        lines.append(f"{f'within {limit} (%)':22}{'':24}{_interval(getattr(pose, field), 0, 100):>24}")
+    return lines

@@ -57,8 +57,9 @@ def training_processes(device: str) -> Iterator[Processes]:
         yield ALONE
         return
     store, rank, count = next(distributed.rendezvous("env://"))
-    if rank > 0:
-        _end_at_signals()
+    if rank > 0:  # only the first process has files to tidy, and messages wait in C++
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_DFL)
     try:
         if device == "cuda":
             _choose_card()
@@ -69,12 +70,6 @@ def training_processes(device: str) -> Iterator[Processes]:
         if store.add("failures", 1) > 1:
             sys.exit(2)
         raise
-
-
-def _end_at_signals() -> None:
-    """End at once at Ctrl+C and the like: only the first process has files to tidy, and messages wait in C++."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_DFL)
 
 
 def _choose_card() -> None:

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from core.cli.bench_parser import BENCHMARK_NAMES
-from core.cli.parser import build_parser
+from core.cli.parser import BENCHMARK_NAMES, build_parser
 from core.export import mesh, video
 from core.lab.benchmarks.bench import BENCHMARKS
 

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from core.lab.benchmarks.machine import conditions, describe_code
+from core.lab.benchmarks.results import conditions, describe_code
 
 
 def git(folder: Path, *words: str) -> str:

@@ -1,8 +1,7 @@
 import json
 from pathlib import Path
 
-from core.lab.evaluation.protocol import EvaluationProtocol, ObjectScore, PoseScore
-from core.lab.evaluation.report import format_table, write_report
+from core.lab.evaluation.protocol import EvaluationProtocol, ObjectScore, PoseScore, format_table, write_report
 
 ESTIMATED = [
     ObjectScore("a", 24.0, 0.9, 250, 4.0, (PoseScore(64, 2.0, 0.01, 80.0, 1.1),)),

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from core.lab.training.curve import CurvePoint, read_curve, write_curve
+from core.lab.training.held_out import CurvePoint, read_curve, write_curve
 
 
 def test_a_curve_is_read_as_written_and_other_files_are_refused(tmp_path: Path) -> None:
