@@ -9,36 +9,24 @@ import time
 from importlib.util import find_spec
 from pathlib import Path
 
-import numpy as np
 import pytest
-from PIL import Image
 
 from core.__main__ import main
 from core.cli.fit import photos_at
 from tests.conftest import image_size
-from tests.core.tiny import SIDE, tiny_model
+from tests.core.cli.conftest import draw, write_pose
+from tests.core.tiny import tiny_model
 
 _ROOT = Path(__file__).parents[3]
 _COLOURS = {"red.png": (200, 30, 30), "green.png": (30, 160, 30), "blue.png": (30, 30, 200)}
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The tiny model, three photos of blocks, and the camera of all."""
-    monkeypatch.chdir(tmp_path)
-    model = tiny_model()
-    model.save(tmp_path / "m.safetensors")
+def photos(tiny_file: str) -> None:
+    """Three photos of blocks, and the camera of all."""
     for name, colour in _COLOURS.items():
-        draw(tmp_path / name, colour)
-    pose = model.camera(np.radians(60), np.radians(20)).pose()
-    (tmp_path / "p.txt").write_text(" ".join(map(str, pose.flatten().tolist())))
-    return tmp_path
-
-
-def draw(path: Path, colour: tuple[int, int, int]) -> None:
-    drawing = Image.new("RGB", (SIDE, SIDE), "white")
-    drawing.paste(colour, (SIDE // 3, SIDE // 3, 2 * SIDE // 3, 2 * SIDE // 3))
-    drawing.save(path)
+        draw(Path(name), colour)
+    write_pose(Path("p.txt"), tiny_model())
 
 
 def words(*photos: str, out: str = "out", more: str = "") -> list[str]:
@@ -81,19 +69,19 @@ def test_a_pipe_in_a_folder_of_photos_is_refused_without_waiting():
 
 def test_only_photos_without_a_result_are_fitted():
     main(words("red.png", "green.png"))
-    before = lines()
+    first_lines = lines()
     Path("bad.png").write_text("no image")
-    Path("out/rows.jsonl").write_text("".join(before) + '{"photo": "blue.png", "key')  # cut off
+    Path("out/rows.jsonl").write_text("".join(first_lines) + '{"photo": "blue.png", "key')  # cut off
     Path("moved").mkdir()
     Path("green.png").rename("moved/green.png")
     main(words("red.png", "moved/green.png", "bad.png"))
-    assert lines()[:2] == before
+    assert lines()[:2] == first_lines
     assert names() == ["bad.png", "green.png", "red.png"]
     draw(Path("bad.png"), (9, 9, 9))
-    Path("out", f"{json.loads(before[0])['key']}.json").unlink()
+    Path("out", f"{json.loads(first_lines[0])['key']}.json").unlink()
     main(words("red.png", "moved/green.png", "bad.png"))
     assert names() == ["bad.png", "green.png", "red.png"]
-    assert lines()[0] == before[1]
+    assert lines()[0] == first_lines[1]
     assert not any("error" in json.loads(line) for line in lines())
     main(words("red.png", more="--seed 1"))
     assert names() == ["bad.png", "green.png", "red.png", "red.png"]
@@ -129,6 +117,12 @@ def test_contradicting_options_are_refused(arguments: list[str], message: str, c
     assert not lines()
 
 
+def python(*arguments: str, path: str = str(_ROOT)) -> subprocess.CompletedProcess[str]:
+    """Run a program of its own."""
+    env = os.environ | {"PYTHONPATH": path}
+    return subprocess.run([sys.executable, *arguments], env=env, capture_output=True, text=True, check=False)
+
+
 def children(process: int) -> list[int]:
     return [int(word) for word in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
 
@@ -147,13 +141,13 @@ def test_a_killed_command_leaves_no_process_and_goes_on_when_started_again():
     workers = children(running.pid)
     running.send_signal(signal.SIGKILL)
     running.communicate()
-    before = [line for line in lines() if line.endswith("\n")]
-    assert before
+    first_lines = [line for line in lines() if line.endswith("\n")]
+    assert first_lines
     assert len(workers) >= 2
     while any(map(is_alive, workers)):
         time.sleep(0.05)
     main(words(*_COLOURS))
-    assert lines()[: len(before)] == before
+    assert lines()[: len(first_lines)] == first_lines
     assert names() == sorted(_COLOURS)
 
 
@@ -175,7 +169,6 @@ _COMMAND = """
 import os, sys
 os.environ["PARENT"] = str(os.getpid())
 from core.__main__ import main
-from core.cli.fit import photos_at
 main(sys.argv[1:])
 """
 
@@ -185,9 +178,8 @@ def test_a_killed_process_ends_no_other_fit_and_its_photos_are_retried_once():
     for name in ("deadly.png", "once.png"):
         draw(Path(name), (90, 60, 30))
     photos = ("red.png", "deadly.png", "once.png")
-    command = [sys.executable, "-c", _COMMAND, *words(*photos, more="--threads 2")]
     path = os.pathsep.join([str(Path().absolute()), str(_ROOT)])
-    done = subprocess.run(command, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, check=False)
+    done = python("-c", _COMMAND, *words(*photos, more="--threads 2"), path=path)
     assert "2 of 3 photos are fitted, 1 failed" in done.stderr
     assert done.returncode == 0
     assert Path("died").exists()
@@ -201,7 +193,6 @@ _ON_A_CLUSTER = """
 import sys
 from distributed import LocalCluster
 from core.__main__ import main
-from core.cli.fit import photos_at
 
 if __name__ == "__main__":
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
@@ -213,10 +204,7 @@ if __name__ == "__main__":
 def test_a_dask_cluster_gives_the_same_files():
     photos = ("red.png", "green.png", "missing.png")
     Path("cluster.py").write_text(_ON_A_CLUSTER)
-    command = [sys.executable, "cluster.py", *words(*photos, out="far")]
-    done = subprocess.run(
-        command, env=os.environ | {"PYTHONPATH": str(_ROOT)}, capture_output=True, text=True, check=False
-    )
+    done = python("cluster.py", *words(*photos, out="far"))
     assert done.returncode == 0, done.stderr
     main(words(*photos, out="near"))
     far, near = (sorted(map(json.loads, lines(out)), key=lambda row: row["key"]) for out in ("far", "near"))

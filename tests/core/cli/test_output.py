@@ -7,28 +7,22 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
-from PIL import Image
 
-from tests.core.tiny import SIDE, tiny_model
+from tests.core.cli.conftest import draw, write_pose
+from tests.core.tiny import tiny_model
 
 pytestmark = pytest.mark.skipif(not shutil.which("bash"), reason="pipes are bash's")
 ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """The tiny model, one photo and its camera."""
-    model = tiny_model()
-    model.save(tmp_path / "m.safetensors")
-    drawing = Image.new("RGB", (SIDE, SIDE), "white")
-    drawing.paste((200, 30, 30), (SIDE // 3, SIDE // 3, 2 * SIDE // 3, 2 * SIDE // 3))
-    drawing.save(tmp_path / "a.png")
-    pose = model.camera(np.radians(60), np.radians(20)).pose()
-    (tmp_path / "p.txt").write_text(" ".join(map(str, pose.flatten().tolist())))
-    (tmp_path / "temporary").mkdir()
-    return tmp_path
+def folder(here: Path, tiny_file: str) -> Path:
+    """A model, one photo and its camera."""
+    draw(here / "a.png", (200, 30, 30))
+    write_pose(here / "p.txt", tiny_model())
+    (here / "temporary").mkdir()
+    return here
 
 
 def shell(folder: Path, words: str) -> subprocess.CompletedProcess[str]:
