@@ -29,13 +29,7 @@ _STYLE = (
 
 
 def write_page(model: Model, photo: Photo, last: FitStep, detections: Image.Image, folder: Path) -> Path:
-    """Write ``index.html`` and its images into an existing folder; return the page's path.
-
-    Args:
-        photo: the first one of the fit.
-        last: the fit's last step.
-        detections: the photo with its detections (:func:`draw_detections`).
-    """
+    """Write ``index.html`` and its images into an existing folder, of a fit's first photo; return the page's path."""
     opacity = photo.mask.float() if photo.opacity is None else photo.opacity
     images = [("Detections", detections), ("Photo as fitted", _middle(photo.pixels))]
     images.append(("Mask", _middle(opacity[..., None].expand(-1, -1, 3))))

@@ -39,8 +39,6 @@ from core.photos.segmentation import CutOut, Hints, cut_out
 from core.runtime.files import open_output, require_writable, save_or_elsewhere
 
 _AS_PROMINENT = 0.7  # fraction of the first object's prominence from which a second object is mentioned
-
-
 Seconds = dict[str, float]  # of a fit, by stage
 
 

@@ -55,7 +55,11 @@ def fit_each(args: argparse.Namespace) -> None:
     fits = {_key(single): single for single in _single_fits(args)}  # a photo that is named twice is fitted once
     photos = {str(single.source) for single in fits.values()}
     earlier = _read_rows(args.out)
-    finished = {key: row for key, row in earlier.items() if _is_done(args.out, row) or row["photo"] not in photos}
+    finished = {  # failed photos are tried again
+        key: row
+        for key, row in earlier.items()
+        if ("error" not in row and (args.out / f"{key}.json").exists()) or row["photo"] not in photos
+    }
     with atomic_file(args.out / _ROWS) as partial:
         partial.write_text("".join(json.dumps(row) + "\n" for row in finished.values()), encoding="utf-8")
     missing = {key: single for key, single in fits.items() if key not in finished}
@@ -135,11 +139,6 @@ def _read_rows(folder: Path) -> dict[str, Row]:
         except (ValueError, TypeError, KeyError):
             continue
     return rows
-
-
-def _is_done(folder: Path, row: Row) -> bool:
-    """True for a row with a scene; failed photos are tried again."""
-    return "error" not in row and (folder / f"{row['key']}.json").exists()
 
 
 def _caption(row: Row) -> str:

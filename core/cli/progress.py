@@ -13,10 +13,7 @@ _Result = TypeVar("_Result")
 
 
 def run_with_progress(stream: Iterator[object], total: int, unit: str) -> None:
-    """Run a stream of ``total`` values under a progress bar in units of a value.
-
-    The bar appears with the first value, so that errors come first.
-    """
+    """Run a stream of ``total`` values under a progress bar, which appears with the first: errors come before it."""
     next(stream, None)
     with tqdm(total=total, unit=unit, initial=1, disable=None) as bar:
         for _ in stream:

@@ -120,11 +120,7 @@ def _variants(args: argparse.Namespace, instance: Instance) -> dict[str, Instanc
 
 
 def _load_view(args: argparse.Namespace, from_photo: bool = False) -> View:
-    """Return the chosen object and camera, with the camera's options applied.
-
-    Args:
-        from_photo: use the camera of the object's photo, if it has one, in place of the scene's.
-    """
+    """Return the chosen object and camera, with the camera's options applied to the scene's, or the photo's if any."""
     model = load_model(model_with(args.scene and scene_model(args.scene), args.model), args.device)
     if args.scene:
         instance, camera = _opened(args, args.scene, model)

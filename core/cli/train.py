@@ -24,7 +24,6 @@ from core.lab.training.recipes import RECIPES
 from core.lab.training.trainer import Trainer
 from core.lab.training.viewpoint import accuracy_within, train_viewpoint, viewpoint_dataset
 from core.models.authors_checkpoint import load_authors
-from core.models.field_config import FieldConfig
 from core.models.library import load_model
 from core.models.model import Model
 from core.photos.view_bank import view_bank
@@ -82,12 +81,17 @@ def _start_training(
     """Return the trainer, resumed if so chosen, and the datasets to train on and to measure on."""
     recipe = RECIPES[args.recipe]
     rays = args.rays or recipe.rays
-    field = _field_config(args, recipe.field, initial)
+    field = recipe.field
+    if initial:
+        if args.width or args.latent or args.recipe != "default":
+            raise ValueError("--init keeps its model's sizes and architecture: omit --width, --latent and --recipe")
+        field = initial.field.config
+    shape, texture = args.latent or (field.shape_latent, field.texture_latent)
+    field = replace(field, width=args.width or field.width, shape_latent=shape, texture_latent=texture)
     settings = replace(recipe, field=field, steps=args.steps, rays=rays, seed=args.seed)
     training, held_out = hold_out(read_dataset(args.datasets, args.shares, args.pose_scale))
     if initial:
-        has_codes = all(views.name in initial.codes.index for views in training.objects)
-        settings = settings.finetuning if has_codes else settings.extending
+        settings = settings.continued(any(views.name not in initial.codes.index for views in training.objects))
     trainer = Trainer(training, settings, args.device, processes)
     if initial:
         trainer.initialise_from(initial)
@@ -146,10 +150,7 @@ def train_part_head(args: argparse.Namespace) -> None:
 
 
 def _save_complete(model: Model, path: Path) -> None:
-    """Save a model with its view bank and the words of its directions, where the architecture can be fitted.
-
-    Computes those that the model lacks.
-    """
+    """Save a model; where its architecture can be fitted, with a view bank and the words of its directions."""
     if model.is_ablation:
         model.save(path)
         return
@@ -176,16 +177,6 @@ def _split(objects: Sequence[_Object]) -> tuple[tuple[_Object, ...], tuple[_Obje
     training = tuple(item for index, item in enumerate(objects) if index % _VALIDATION_STRIDE)
     validation = tuple(objects[::_VALIDATION_STRIDE])
     return training or validation, validation
-
-
-def _field_config(args: argparse.Namespace, default: FieldConfig, initial: Model | None) -> FieldConfig:
-    """Return the network's configuration: from the options, or the initial model's."""
-    if initial:
-        if args.width or args.latent or args.recipe != "default":
-            raise ValueError("--init keeps its model's sizes and architecture: omit --width, --latent and --recipe")
-        return initial.field.config
-    shape, texture = args.latent or (default.shape_latent, default.texture_latent)
-    return replace(default, width=args.width or default.width, shape_latent=shape, texture_latent=texture)
 
 
 def convert(args: argparse.Namespace) -> None:

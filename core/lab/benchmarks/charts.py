@@ -18,7 +18,7 @@ from core.fitting.confidence import RIGHT_DEGREES
 from core.lab.benchmarks.fits import DEFAULT, LEVELS, SPEED
 from core.lab.benchmarks.frames import SIZES
 from core.lab.benchmarks.stressors import STRESSORS
-from core.lab.evaluation.statistics import Mean, mean_of
+from core.lab.evaluation.protocol import Mean, mean_of
 
 Frames = Mapping[str, pd.DataFrame]  # the rows of each benchmark
 

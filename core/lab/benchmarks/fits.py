@@ -80,20 +80,17 @@ LEVELS = *_CODE_LEVELS, "biases", "network"
 PAPER = {f"paper, {count} posed": FitCase(PRESETS["paper"], count, True) for count in (1, 2)}
 """The paper's recipe with the paper's one and two views."""
 WITHOUT = {
-    f"without {name}": case
-    for name, case in {
-        "view bank": FitCase(_USUAL, components=Components(view_bank=False)),
-        "viewpoint classifier": FitCase(_USUAL, components=Components(viewpoint_classifier=False)),
-        "prototype shapes": FitCase(_USUAL, components=Components(prototype_shapes=False)),
-        "fresh codes": FitCase(_USUAL, components=Components(fresh_codes=False)),
-        "multi-start": FitCase(replace(_USUAL, hypotheses=1, max_restarts=0)),
-        "restart": FitCase(replace(_USUAL, max_restarts=0)),
-        "code prior": FitCase(replace(_USUAL, code_prior=0.0)),
-        "camera prior": FitCase(_USUAL, components=Components(camera_prior=False)),
-        "robust loss": FitCase(_USUAL, components=Components(robust_loss=False)),
-        "mask loss": FitCase(_USUAL, components=Components(mask_loss=False)),
-        "bfloat16": FitCase(_USUAL, dtype=torch.float32),
-    }.items()
+    "without view bank": FitCase(_USUAL, components=Components(view_bank=False)),
+    "without viewpoint classifier": FitCase(_USUAL, components=Components(viewpoint_classifier=False)),
+    "without prototype shapes": FitCase(_USUAL, components=Components(prototype_shapes=False)),
+    "without fresh codes": FitCase(_USUAL, components=Components(fresh_codes=False)),
+    "without multi-start": FitCase(replace(_USUAL, hypotheses=1, max_restarts=0)),
+    "without restart": FitCase(replace(_USUAL, max_restarts=0)),
+    "without code prior": FitCase(replace(_USUAL, code_prior=0.0)),
+    "without camera prior": FitCase(_USUAL, components=Components(camera_prior=False)),
+    "without robust loss": FitCase(_USUAL, components=Components(robust_loss=False)),
+    "without mask loss": FitCase(_USUAL, components=Components(mask_loss=False)),
+    "without bfloat16": FitCase(_USUAL, dtype=torch.float32),
 }  # each leaves one component of the default out
 CASES = SPEED | FREEDOM | PAPER | WITHOUT
 

@@ -85,9 +85,7 @@ def read_baseline(path: Path) -> dict[str, float]:
 
 
 def _second_time(
-    run: Callable[[], object],
-    before: Callable[[], None] = lambda: None,
-    clock: Callable[[], float] = time.process_time,
+    run: Callable[[], object], before: Callable[[], None] = lambda: None, clock: Callable[[], float] = time.process_time
 ) -> float:
     """Return the seconds of a second run; the first fills caches, also oneDNN's compiled kernels."""
     run()

@@ -21,7 +21,7 @@ from core.lab.benchmarks.pictures import EXCHANGE, FAILURE, PHOTOS
 from core.lab.benchmarks.results import read_frame
 from core.lab.benchmarks.stability import surest_mistakes, wrong_and_sure
 from core.lab.benchmarks.stressors import STRESSORS
-from core.lab.evaluation.statistics import format_difference, mean_of
+from core.lab.evaluation.protocol import format_difference, mean_of
 
 PAGE = "README.md"
 SURE_FROM = 0.8  # confidence above which no camera is to be wrong
@@ -33,10 +33,7 @@ _Cell = Callable[[pd.DataFrame], str]  # describes rows
 
 
 def write_page(folder: Path) -> list[Path]:
-    """Draw the charts of the CSV files in a folder and fill its page, if it has one; return these files.
-
-    Raise ``ValueError`` if there is no CSV file of a benchmark.
-    """
+    """Draw the charts of a folder's CSV files and fill its page, if any; return these. ``ValueError`` without CSV."""
     frames = read_frames(folder)
     if not frames:
         raise ValueError(f"{folder}: no CSV file of a benchmark in it")

@@ -51,9 +51,9 @@ def draw_failure(datasets: tuple[Path, ...], trials: pd.DataFrame, out: Path) ->
         *_, last = fit(view.model, FitJob(photos, PRESETS[DEFAULT], view.seed))
         instance = last.instance.with_detail(None)
         index = view.order[-1]
-        other = view.views.images[index], view.views.cameras[index]
-        pairs = (to_bytes(photos[0].pixels), last.cameras[0]), other
-        rows.append([image for photo, camera in pairs for image in (_resized(photo), _image(instance, camera))])
+        fitted = [_resized(to_bytes(photos[0].pixels)), _image(instance, last.cameras[0])]
+        other = [_resized(view.views.images[index]), _image(instance, view.views.cameras[index])]
+        rows.append(fitted + other)
     if rows:
         Image.fromarray(_grid(rows)).save(out / FAILURE)
 

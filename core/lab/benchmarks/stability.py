@@ -10,7 +10,7 @@ import pandas as pd
 from PIL import Image
 
 from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
-from core.fitting.fit import PRESETS, FitJob, FitStep
+from core.fitting.fit import PRESETS, FitJob
 from core.fitting.paper import fit_as_set
 from core.geometry.pixels import to_bytes
 from core.lab.benchmarks.fits import DEFAULT
@@ -19,8 +19,6 @@ from core.lab.benchmarks.stressors import STRESSORS, Cutout, Stressor
 from core.lab.datasets.srn import ObjectViews
 from core.photos.photo import Photo, prepare_photo
 from core.photos.segmentation import cut_out
-
-METHODS = (DEFAULT, "paper")  # presets
 
 
 @dataclass(frozen=True)
@@ -40,16 +38,12 @@ class StabilityTrial(Trial):
 
 
 def cases(quick: bool) -> tuple[str, ...]:
-    """Return the names of the cases: every level by the default, and the last one by the paper's recipe.
-
-    Args:
-        quick: the last level by the default alone.
-    """
+    """Return the names of the cases: every level by the default (quick: the last), the last by the paper's recipe."""
     return tuple(
         f"{name} {level:g}, {method}"
         for name, stressor in STRESSORS.items()
         for level in (stressor.levels[-1:] if quick else stressor.levels)
-        for method in METHODS
+        for method in (DEFAULT, "paper")
         if method == DEFAULT or not (quick or level != stressor.levels[-1] or stressor.stranger or stressor.intruders)
     )
 
@@ -67,18 +61,14 @@ def measure(view: HeldOutView, case: str) -> tuple[StabilityTrial, ...]:
         *_, last = fit_as_set(view.model, FitJob(photos, PRESETS[method], view.seed))
     except ValueError as error:
         return (replace(trial, doubted=True, right=stressor.stranger, outcome=f"refused: {error}"),)
-    return (_judge(view, stressor, last, trial),)
-
-
-def _judge(view: HeldOutView, stressor: Stressor, last: FitStep, trial: StabilityTrial) -> StabilityTrial:
     doubted = last.confidence is not None and last.confidence < DOUBTFUL
-    trial = replace(trial, confidence=last.confidence, doubted=doubted)
-    if stressor.stranger:
-        return replace(trial, right=doubted)
-    truth = view.cameras(len(last.cameras) - stressor.intruders)
-    errors = [view.camera_error(*pair) for pair in zip(last.cameras, truth, strict=False)]
-    right = max(errors) <= RIGHT_DEGREES
-    return replace(trial, rotation=float(np.mean(errors)), right=right, novel=view.score(last.instance).psnr)
+    trial = replace(trial, confidence=last.confidence, doubted=doubted, right=doubted)
+    if not stressor.stranger:
+        truth = view.cameras(len(last.cameras) - stressor.intruders)
+        errors = [view.camera_error(*pair) for pair in zip(last.cameras, truth, strict=False)]
+        right = max(errors) <= RIGHT_DEGREES
+        trial = replace(trial, rotation=float(np.mean(errors)), right=right, novel=view.score(last.instance).psnr)
+    return (trial,)
 
 
 def corrupted_photos(view: HeldOutView, stressor: Stressor, level: float) -> tuple[Photo, ...]:

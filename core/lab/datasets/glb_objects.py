@@ -26,18 +26,11 @@ TURN_TO_FRONT = {
 
 
 class MeshEntry(NamedTuple):
-    """A mesh of a folder."""
-
-    name: str
-    path: Path
-
-
-class _Line(NamedTuple):
-    """JSON of an index entry."""
+    """A mesh in the index of a folder."""
 
     id: str
     category: str
-    file: str
+    file: Path  # relative to the folder in JSON
 
 
 class RenderTask(NamedTuple):
@@ -52,12 +45,12 @@ class RenderTask(NamedTuple):
         """Names of the object, its shape and its texture: they occur in the shipped models and seed the cameras."""
         shape = f"-form{self.shape}" if self.shape else ""
         look = f"-look{self.recolouring}" if self.recolouring else ""
-        return f"{self.mesh.name}{shape}{look}", f"{self.mesh.name}{shape}", f"{self.mesh.name}{look}"
+        return f"{self.mesh.id}{shape}{look}", f"{self.mesh.id}{shape}", f"{self.mesh.id}{look}"
 
     def surfaces(self) -> tuple[Surface, ...]:
         """Load the mesh and change it."""
-        name = self.mesh.name
-        surfaces = load_mesh(self.mesh.path, TURN_TO_FRONT.get(name, 0.0))
+        name = self.mesh.id
+        surfaces = load_mesh(self.mesh.file, TURN_TO_FRONT.get(name, 0.0))
         return normalised(deformed(recoloured(surfaces, name, self.recolouring), name, self.shape))
 
 
@@ -65,12 +58,12 @@ def select_meshes(folder: Path | str, category: str, split: Split) -> tuple[Mesh
     """Return a split's meshes in the index's order. Raises ``ValueError`` for a folder without an index."""
     index = Path(folder) / "index.json"
     with reading(index, "a mesh index"):
-        lines = typed(tuple[_Line, ...], read_json(index), name="index")
+        entries = typed(tuple[MeshEntry, ...], read_json(index), name="index")
     split_of = {name: held for held, names in held_out_meshes(category).items() for name in names}
-    selected = [line for line in lines if line.category == category and split_of.get(line.id, "train") == split]
+    selected = [entry for entry in entries if entry.category == category and split_of.get(entry.id, "train") == split]
     if not selected:
         raise ValueError(f"{index}: no {category} in the {split} split")
-    return tuple(MeshEntry(line.id, Path(folder) / line.file) for line in selected)
+    return tuple(entry._replace(file=Path(folder) / entry.file) for entry in selected)
 
 
 def mesh_tasks(folder: Path | str, category: str, split: Split, variants: int = 0) -> tuple[RenderTask, ...]:
@@ -111,11 +104,8 @@ def _is_rendered(folder: Path, views: int, size: int) -> bool:
 def load_mesh(path: Path | str, turn: float = 0.0) -> tuple[Surface, ...]:
     """Load a GLB's surfaces into the world: centred, bounding box diagonal 1, base colours only.
 
-    Args:
-        path: the file; glTF axes.
-        turn: degrees about the world's vertical, counter-clockwise seen from above.
-
-    Raises ``ValueError`` naming the file if it is unreadable or holds no triangles.
+    ``turn``: degrees about the world's vertical, counter-clockwise seen from above. Raises ``ValueError`` naming the
+    file if it is unreadable or holds no triangles.
     """
     with reading(path, "a mesh"):
         scene = trimesh.load_scene(path)

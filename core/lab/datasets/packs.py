@@ -57,14 +57,6 @@ class _Header(NamedTuple):
     objects: tuple[PackEntry, ...]
 
 
-class _Pack(NamedTuple):
-    """A pack in memory, its images still compressed."""
-
-    header: _Header
-    positions: dict[str, int]  # of the objects, by name
-    tensors: dict[str, Tensor]
-
-
 def is_pack(path: Path) -> bool:
     """True for a file of this format, judged by its ending."""
     return path.suffix.lower() == SUFFIX and path.is_file()
@@ -73,8 +65,7 @@ def is_pack(path: Path) -> bool:
 def write_pack(path: Path, category: str, objects: Iterable[PackedObject], quality: int) -> Iterator[str]:
     """Write objects with square images of one size and focal length, yielding each name; the file appears at the end.
 
-    Args:
-        quality: of the compressed colours, 1 to 100; 100 is lossless. Masks are kept exactly.
+    The ``quality`` of compressed colours is 1 to 100; 100 is lossless. Masks are kept exactly.
     """
     entries = list[PackEntry]()
     images = list[bytes]()
@@ -98,19 +89,14 @@ def write_pack(path: Path, category: str, objects: Iterable[PackedObject], quali
 
 def index_pack(path: Path) -> tuple[str, tuple[PackEntry, ...]]:
     """Return the category and the objects of a pack. Raises ``ValueError`` naming a file that is not one."""
-    header = _open(path).header
+    header, _ = _open(path, path.stat().st_mtime_ns)
     return header.category, header.objects
 
 
 def read_packed(path: Path, name: str, scale: float = 1.0) -> PackedObject:
-    """Return an object of a pack. Raises ``ValueError`` naming the file if it is broken.
-
-    Args:
-        scale: scene units of a unit of its distances.
-    """
-    header, positions, tensors = _open(path)
-    position = positions[name]
-    entry = header.objects[position]
+    """Return an object; ``scale``: scene units of a unit of its distances. ``ValueError`` naming a broken file."""
+    header, tensors = _open(path, path.stat().st_mtime_ns)
+    position, entry = next(numbered for numbered in enumerate(header.objects) if numbered[1].name == name)
     first_view = sum(packed.views for packed in header.objects[:position])
     begin = int(tensors["ends"][position - 1]) if position else 0
     with reading(path, "a pack of views"):
@@ -123,13 +109,9 @@ def read_packed(path: Path, name: str, scale: float = 1.0) -> PackedObject:
     return PackedObject(entry.name, entry.shape_id, entry.texture_id, images, masks, cameras)
 
 
-def _open(path: Path) -> _Pack:
-    return _open_version(path, path.stat().st_mtime_ns)
-
-
 @lru_cache(maxsize=8)
-def _open_version(path: Path, _modified: int) -> _Pack:
-    """Read a file of a certain time of modification, once for all of its objects."""
+def _open(path: Path, _modified: int) -> tuple[_Header, dict[str, Tensor]]:
+    """Read a file of a certain time of modification, once for all of its objects; images stay compressed."""
     with reading(path, "a pack of views"):
         metadata, tensors = read_tensors(path)
         if metadata.get("format") != FORMAT or set(tensors) != {"images", "ends", "cameras"}:
@@ -138,7 +120,7 @@ def _open_version(path: Path, _modified: int) -> _Pack:
         views = sum(entry.views for entry in header.objects)
         if len(tensors["ends"]) != len(header.objects) or tensors["cameras"].shape != (views, 3):
             raise ValueError("its tensors do not fit its list of objects")
-    return _Pack(header, {entry.name: position for position, entry in enumerate(header.objects)}, tensors)
+    return header, tensors
 
 
 def _grid(views: int) -> tuple[int, int]:

@@ -110,10 +110,7 @@ class Surface:
 
 
 class Rasteriser:
-    """An off-screen GL context for images of one size. Use as a context manager, on one thread.
-
-    Raises ``RuntimeError`` if the machine has no OpenGL.
-    """
+    """An off-screen GL context for images of one size, on one thread. ``RuntimeError`` if there is no OpenGL."""
 
     def __init__(self, size: int) -> None:
         try:

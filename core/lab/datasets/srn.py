@@ -130,10 +130,8 @@ def evenly_spaced(items: Sequence[_Item], count: int | None) -> tuple[_Item, ...
 def index_objects(folders: Sequence[Path | str], scale: float = 1.0) -> tuple[str, tuple[ObjectEntry, ...]]:
     """Return the category ('' if unknown) and the objects of dataset folders, by folder, then by name.
 
-    Args:
-        scale: scene units of a unit of the poses.
-
-    Raises ``ValueError`` naming the folder if it is empty, or if categories or names clash.
+    ``scale``: scene units of a unit of the poses. Raises ``ValueError`` naming the folder if it is empty, or if
+    categories or names clash.
     """
     categories = set[str]()
     entries = list[ObjectEntry]()
@@ -153,13 +151,10 @@ def index_objects(folders: Sequence[Path | str], scale: float = 1.0) -> tuple[st
 def read_dataset(
     folders: Path | str | Sequence[Path | str], shares: Sequence[float] = (), scale: float = 1.0
 ) -> Dataset:
-    """Read one dataset folder, or several as one dataset. Objects come in order of folder, then of name.
+    """Read one dataset folder, or several as one dataset, as :func:`index_objects` lists their objects.
 
-    Args:
-        shares: fraction of training rays for each folder; by default in proportion to its objects.
-        scale: scene units of a unit of the poses.
-
-    Raises ``ValueError`` naming any missing, broken or contradictory file.
+    ``shares``: fraction of training rays for each folder; by default in proportion to its objects. Raises
+    ``ValueError`` naming any missing, broken or contradictory file.
     """
     folders = [folders] if isinstance(folders, str | Path) else folders
     category, entries = index_objects(folders, scale)
@@ -170,24 +165,17 @@ def read_dataset(
         objects = tuple(pool.map(ObjectEntry.read, entries))
     _check_sizes(objects)
     camera = objects[0].cameras[0]
-    return Dataset(objects, category, camera.height, camera.focal, _weights(folders, shares) if shares else ())
-
-
-def _weights(folders: Sequence[Path | str], shares: Sequence[float]) -> tuple[float, ...]:
-    """Divide each folder's fraction among its objects."""
-    if len(shares) != len(folders) or min(shares) <= 0:
+    if shares and (len(shares) != len(folders) or min(shares) <= 0):
         raise ValueError(f"{len(folders)} datasets need as many positive shares, got {list(shares)}")
-    counts = [len(_index_folder(Path(folder))[1]) for folder in folders]
-    return tuple(share / count for share, count in zip(shares, counts, strict=True) for _ in range(count))
+    counts = (len(_index_folder(Path(folder))[1]) for folder in folders)
+    weights = tuple(share / count for share, count in zip(shares, counts, strict=False) for _ in range(count))
+    return Dataset(objects, category, camera.height, camera.focal, weights)
 
 
 def pack_datasets(folders: Sequence[Path | str], path: Path, size: int | None, quality: int) -> Iterator[str]:
     """Write dataset folders into one pack (:func:`core.lab.datasets.packs.write_pack`), yielding each object's name.
 
-    Args:
-        size: px; larger images are reduced to this. None keeps their size.
-
-    Raises ``ValueError`` as :func:`read_dataset`.
+    Images larger than ``size`` px are reduced to it. Raises ``ValueError`` as :func:`read_dataset`.
     """
     category, entries = index_objects(folders)
 

@@ -34,10 +34,7 @@ def training_views(
 
 
 def spiral_views(count: int, distance: float, size: int = SRN_SIZE) -> tuple[Camera, ...]:
-    """Return SRN's test cameras: an Archimedean spiral from the horizon to the pole, originally ``SPIRAL_VIEWS``.
-
-    Any other count samples the same curve evenly.
-    """
+    """Return SRN's test cameras, originally ``SPIRAL_VIEWS``: evenly along a spiral from the horizon to the pole."""
     fraction = np.linspace(0.0, 1.0, count)
     return tuple(_camera(-_SPIRAL_TURN * (1 + t), 0.5 * math.pi * t, distance, size) for t in fraction)
 

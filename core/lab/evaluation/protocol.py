@@ -1,10 +1,10 @@
 """The paper's protocol: fit an object to one or a few views, render its other views, compare.
 
-The scores become tables as text, and JSON.
+The scores become means over objects with bootstrap intervals, tables as text, and JSON.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -16,12 +16,13 @@ from core.fitting.fit import PRESETS, FitJob, FitStep
 from core.fitting.paper import fit_as_set
 from core.geometry.camera import Camera
 from core.lab.datasets.srn import ObjectViews
-from core.lab.evaluation.statistics import Mean, mean_of
 from core.metrics import haze, psnr, rotation_error, silhouette_overlap, ssim, translation_error
 from core.models.model import Instance, Model
 from core.photos.photo import Photo
 from core.rendering.images import render_image
 from core.runtime.files import write_json
+
+_RESAMPLES = 2000  # of the bootstrap
 
 
 @dataclass(frozen=True)
@@ -81,9 +82,7 @@ def evaluate(model: Model, objects: Iterable[ObjectViews], protocol: EvaluationP
     """
     for views in objects:
         rest = [index for index in range(len(views.cameras)) if index not in protocol.inputs][:: protocol.every]
-        _require_views(views, protocol, rest)
-        if protocol.estimate:
-            _require_focal_length(model, views)
+        _check(model, views, protocol, rest)
         photos = tuple(as_photo(views, index, not protocol.estimate) for index in protocol.inputs)
         first, last = fit_first_last(model, FitJob(photos, PRESETS[protocol.preset], protocol.seed))
         means = np.mean([score_view(last.instance, views, index) for index in rest], axis=0)
@@ -129,23 +128,18 @@ def score_view(instance: Instance, views: ObjectViews, index: int) -> ViewScore:
     return ViewScore(psnr(colour, truth), ssim(colour, truth), overlap, haze(opacity))
 
 
-def _require_views(views: ObjectViews, protocol: EvaluationProtocol, rest: Sequence[int]) -> None:
+def _check(model: Model, views: ObjectViews, protocol: EvaluationProtocol, rest: Sequence[int]) -> None:
     count = len(views.cameras)
     inputs = ",".join(map(str, protocol.inputs))
     if max(protocol.inputs) >= count:
         raise ValueError(f"{views.name}: {count} views, 0 to {count - 1}, but the input views are {inputs}")
     if not rest:
         raise ValueError(f"{views.name}: {count} views, all used as input ({inputs}): none left to compare")
-
-
-def _require_focal_length(model: Model, views: ObjectViews) -> None:
-    camera = views.cameras[0]
-    dataset_focal = camera.focal / camera.height
+    dataset_focal = views.cameras[0].focal / views.cameras[0].height
     model_focal = model.focal / model.image_size
-    if abs(dataset_focal - model_focal) > 0.01 * model_focal:
-        raise ValueError(
-            f"{views.name}: focal length {dataset_focal:.3f} image heights, but the model's is {model_focal:.3f}"
-        )
+    if protocol.estimate and abs(dataset_focal - model_focal) > 0.01 * model_focal:
+        lengths = f"focal length {dataset_focal:.3f} image heights, but the model's is {model_focal:.3f}"
+        raise ValueError(f"{views.name}: {lengths}")
 
 
 def _pose_score(view: int, truth: Camera, estimated: Camera, initial: Camera) -> PoseScore:
@@ -154,6 +148,39 @@ def _pose_score(view: int, truth: Camera, estimated: Camera, initial: Camera) ->
 
 
 # Averages
+
+
+class Mean(NamedTuple):
+    """A mean over objects with its 95 % interval (bootstrap over objects)."""
+
+    mean: float
+    low: float
+    high: float
+
+
+def mean_of(values: Collection[float]) -> Mean:
+    """Return the mean and its deterministic bootstrap interval; NaN without values.
+
+    Example:
+        >>> mean_of([2.0, 2.0])
+        Mean(mean=2.0, low=2.0, high=2.0)
+    """
+    if not len(values):
+        return Mean(float("nan"), float("nan"), float("nan"))
+    array = np.asarray(values, np.float64)
+    resamples = np.random.default_rng(0).integers(0, len(array), (_RESAMPLES, len(array)))
+    low, high = np.percentile(array[resamples].mean(1), (2.5, 97.5))
+    return Mean(float(array.mean()), float(low), float(high))
+
+
+def format_difference(difference: Mean) -> str:
+    """Format a paired difference with its sign and its interval.
+
+    Example:
+        >>> format_difference(Mean(-1.0, -1.25, 0.0))
+        '-1.00 (-1.25 to +0.00)'
+    """
+    return f"{difference.mean:+.2f} ({difference.low:+.2f} to {difference.high:+.2f})"
 
 
 @dataclass(frozen=True)

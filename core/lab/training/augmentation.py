@@ -50,10 +50,7 @@ def mirror(
 
 
 def recrop(images: Crops) -> Crops:
-    """Scale each object to fill its image again, as after :func:`core.classifiers.viewpoint.crop_to_object`.
-
-    Empty images stay unchanged.
-    """
+    """Scale each object to fill its image, as :func:`core.classifiers.viewpoint.crop_to_object`, unless it is empty."""
     visible = images[:, 3] > 0.5
     side = images.shape[-1]
     x = _extent(visible.any(1), side)

@@ -17,10 +17,7 @@ _MEASURED_OBJECTS = 8  # objects whose held-out views are compared during traini
 
 
 def hold_out(dataset: Dataset) -> tuple[Dataset, Dataset]:
-    """Split off the last view of every object; return the rest, and those views of a few evenly spaced objects.
-
-    Raises ``ValueError`` for an object with a single view.
-    """
+    """Split off the last view of every object; return the rest, and those views of a few evenly spaced objects."""
     if min(len(views.cameras) for views in dataset.objects) < 2:
         raise ValueError("training needs at least two views of every object: one is held out for validation")
     training = tuple(_selected(views, slice(None, -1)) for views in dataset.objects)

@@ -31,10 +31,7 @@ Places = tuple[Float[Tensor, "places width"], Int[Tensor, "places"]]  # field fe
 
 
 def labelled_places(model: Model, teacher: Model, count: int) -> Iterator[Places]:
-    """Yield labelled points of at most ``count`` objects of different shapes, object by object.
-
-    Args:
-        teacher: has the part head; its objects are found by their names.
+    """Yield labelled points of at most ``count`` objects of different shapes, found at the teacher by their names.
 
     Raises ``ValueError`` if the teacher has no part head, or if the models share no object.
     """

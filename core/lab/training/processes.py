@@ -58,11 +58,16 @@ def training_processes(device: str) -> Iterator[Processes]:
         return
     store, rank, count = next(distributed.rendezvous("env://"))
     if rank > 0:  # only the first process has files to tidy, and messages wait in C++
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_DFL)
+        for kind in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(kind, signal.SIG_DFL)
     try:
         if device == "cuda":
-            _choose_card()
+            number = int(os.environ["LOCAL_RANK"])
+            cards = torch.cuda.device_count()
+            if number >= cards:
+                needed = f"process {number + 1} of this machine needs a graphics card of its own"
+                raise ValueError(f"{needed}, torch finds {cards}")
+            torch.cuda.set_device(number)
         distributed.init_process_group("nccl" if device == "cuda" else "gloo", store=store, rank=rank, world_size=count)
         yield Processes(rank, count)
         distributed.destroy_process_group()
@@ -70,14 +75,6 @@ def training_processes(device: str) -> Iterator[Processes]:
         if store.add("failures", 1) > 1:
             sys.exit(2)
         raise
-
-
-def _choose_card() -> None:
-    number = int(os.environ["LOCAL_RANK"])
-    cards = torch.cuda.device_count()
-    if number >= cards:
-        raise ValueError(f"process {number + 1} of this machine needs a graphics card of its own, torch finds {cards}")
-    torch.cuda.set_device(number)
 
 
 def _reduce(values: Tensor, operation: distributed.ReduceOp.RedOpType) -> None:

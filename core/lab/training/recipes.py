@@ -33,18 +33,9 @@ class TrainSettings:
     ema_decay: float = 0.999  # of the moving average of the weights, per step
     seed: int = 0
 
-    @property
-    def finetuning(self) -> "TrainSettings":
-        """Return the settings for training a network further on its own objects."""
-        return self._slowed(_FINETUNE_LR, _FINETUNE_LR)
-
-    @property
-    def extending(self) -> "TrainSettings":
-        """Return the settings for training a network further on a dataset with new objects."""
-        return self._slowed(_EXTEND_LR, 1.0)
-
-    def _slowed(self, network: float, codes: float) -> "TrainSettings":
-        """Scale the learning rates of the network and of the codes."""
+    def continued(self, new_objects: bool) -> "TrainSettings":
+        """Return the settings for training a network further, on its own objects or on a dataset with new ones."""
+        network, codes = (_EXTEND_LR, 1.0) if new_objects else (_FINETUNE_LR, _FINETUNE_LR)
         muon_lr = None if self.muon_lr is None else network * self.muon_lr
         return replace(self, muon_lr=muon_lr, network_lr=network * self.network_lr, code_lr=codes * self.code_lr)
 

@@ -54,11 +54,7 @@ class Trainer:
     """A training run whose state can be saved and resumed at any step, by any number of processes."""
 
     def __init__(
-        self,
-        dataset: Dataset,
-        settings: TrainSettings,
-        device: str = "cpu",
-        processes: Processes = ALONE,
+        self, dataset: Dataset, settings: TrainSettings, device: str = "cpu", processes: Processes = ALONE
     ) -> None:
         self.settings = settings
         self.processes = processes
@@ -69,15 +65,18 @@ class Trainer:
         torch.manual_seed(settings.seed)
         self.extent = shared_extent(dataset.objects, self.device)
         self.ray_dataset = RayDataset(dataset, self.extent, self.device, settings.whole_image, processes)
-        self.entries, shapes, textures = _build_entries(dataset)
+        objects = dataset.objects
+        shapes = list(dict.fromkeys(views.shape_id for views in objects))
+        textures = list(dict.fromkeys(views.texture_id for views in objects))
+        rows = [(shapes.index(views.shape_id), textures.index(views.texture_id)) for views in objects]
+        self.entries = tuple(Entry(views.name, *row) for views, row in zip(objects, rows, strict=True))
+        self.shape_row, self.texture_row = torch.tensor(rows, device=self.device).unbind(-1)
         config = settings.field
         self.field = build_field(config).to(self.device)
-        self.shapes = nn.Parameter(_initial_codes(shapes, config.shape_latent).to(self.device))
-        self.textures = nn.Parameter(_initial_codes(textures, config.texture_latent).to(self.device))
+        self.shapes = nn.Parameter(_initial_codes(len(shapes), config.shape_latent).to(self.device))
+        self.textures = nn.Parameter(_initial_codes(len(textures), config.texture_latent).to(self.device))
         self.ema_parameters = [parameter.detach().clone() for parameter in self._parameters()]
         self.optimisers, self._peak_lrs = self._build_optimisers()
-        rows = torch.tensor([(entry.shape, entry.texture) for entry in self.entries], device=self.device)
-        self.shape_row, self.texture_row = rows.unbind(-1)
         self.step = 0
         self.seconds = 0.0
         self._ray_loss = self._evaluate_ray_loss
@@ -126,10 +125,7 @@ class Trainer:
         self.extends = (model.fingerprint, *model.extends)
 
     def steps(self) -> Iterator[TrainStep]:
-        """Train to the end of the schedule, yielding after each step; to stop, abandon the iterator.
-
-        Raises ``ValueError`` if the loss is not finite.
-        """
+        """Train to the end of the schedule, yielding after each step. ``ValueError`` if the loss is not finite."""
         while self.step < self.settings.steps:
             began = time.perf_counter()
             if self._is_pruning_due():
@@ -313,18 +309,3 @@ class Trainer:
 def _initial_codes(count: int, latent: int) -> Float[Tensor, "count latent"]:
     """Initialise codes: small and random, as in the authors' code."""
     return torch.randn(count, latent) / math.sqrt(latent / 2)
-
-
-def _build_entries(dataset: Dataset) -> tuple[tuple[Entry, ...], int, int]:
-    """Return the code book's entries and the numbers of different shapes and textures."""
-    shapes: dict[str, int] = {}
-    textures: dict[str, int] = {}
-    entries = tuple(
-        Entry(
-            views.name,
-            shapes.setdefault(views.shape_id, len(shapes)),
-            textures.setdefault(views.texture_id, len(textures)),
-        )
-        for views in dataset.objects
-    )
-    return entries, len(shapes), len(textures)

@@ -83,8 +83,8 @@ def test_files_that_hold_no_mesh_are_named(tmp_path: Path) -> None:
 
 
 def test_rendering_yields_names_writes_a_dataset_and_resumes(tmp_path: Path, rasteriser: Rasteriser) -> None:
-    kept = min(held_out_meshes("chairs")["test"])
-    write_folder(tmp_path, ["one", "two", kept])
+    test_mesh = min(held_out_meshes("chairs")["test"])
+    write_folder(tmp_path, ["one", "two", test_mesh])
     out = tmp_path / "out"
 
     def rendered(out: Path, split: Split, views: int, size: int) -> Iterator[str]:
@@ -92,13 +92,13 @@ def test_rendering_yields_names_writes_a_dataset_and_resumes(tmp_path: Path, ras
 
     assert next(rendered(out, "train", 4, 32)) == "one"
     assert [views.name for views in read_dataset(out).objects] == ["one"]
-    before = (out / "one/rgb/000000.png").stat().st_mtime_ns
+    first_time = (out / "one/rgb/000000.png").stat().st_mtime_ns
     assert list(rendered(out, "train", 4, 32)) == ["one", "two"]
-    assert (out / "one/rgb/000000.png").stat().st_mtime_ns == before
+    assert (out / "one/rgb/000000.png").stat().st_mtime_ns == first_time
     dataset = read_dataset(out)
     assert (dataset.category, dataset.image_size, len(dataset.objects[0].cameras)) == ("chairs", 32, 4)
     assert all(0.02 < views.masks.mean() < 0.5 for views in dataset.objects)
-    assert list(rendered(tmp_path / "test", "test", 3, 32)) == [kept]
+    assert list(rendered(tmp_path / "test", "test", 3, 32)) == [test_mesh]
     # Another size is another job: the old images are replaced.
     assert list(rendered(out, "train", 4, 16)) == ["one", "two"]
     assert read_dataset(out).image_size == 16
@@ -107,15 +107,15 @@ def test_rendering_yields_names_writes_a_dataset_and_resumes(tmp_path: Path, ras
 def test_the_shared_meshes_split_and_face_the_front(shared: Path) -> None:
     for category in ("chairs", "cars"):
         meshes = shared / "meshes"
-        selected = {split: {entry.name for entry in select_meshes(meshes, category, split)} for split in SPLITS}
+        selected = {split: {entry.id for entry in select_meshes(meshes, category, split)} for split in SPLITS}
         held = held_out_meshes(category)
         assert (selected["validation"], selected["test"]) == (held["validation"], held["test"])
         assert len(held["validation"]) == len(held["test"]) == 10
         assert sum(map(len, selected.values())) == len(set().union(*selected.values()))
     # Most points above the seat are behind it.
     for entry in select_meshes(shared / "meshes", "chairs", "test"):
-        if "stool" in entry.name:
+        if "stool" in entry.id:
             continue
-        vertices = np.concatenate([s.vertices[s.faces].mean(1) for s in load_mesh(entry.path)])
+        vertices = np.concatenate([s.vertices[s.faces].mean(1) for s in load_mesh(entry.file)])
         high = vertices[vertices[:, 2] > 0.7 * vertices[:, 2].max()]
-        assert high[:, 1].mean() < 0, entry.name
+        assert high[:, 1].mean() < 0, entry.id

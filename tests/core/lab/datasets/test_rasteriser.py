@@ -21,9 +21,9 @@ def camera(azimuth: float, elevation: float, distance: float = 1.3) -> Camera:
     return Camera(azimuth, elevation, distance, 65.625, SIZE, SIZE)
 
 
-def dot(place: np.ndarray, radius: float) -> Surface:
+def dot(centre: np.ndarray, radius: float) -> Surface:
     """Return a black octahedron."""
-    vertices = np.concatenate((np.eye(3), -np.eye(3))) * radius + place
+    vertices = np.concatenate((np.eye(3), -np.eye(3))) * radius + centre
     faces = np.array([(a, b, c) for a in (0, 3) for b in (1, 4) for c in (2, 5)])
     return Surface(vertices, np.zeros((6, 3)), faces, np.zeros((6, 3)))
 
@@ -38,8 +38,8 @@ def test_a_point_is_rendered_where_its_ray_passes(rasteriser: Rasteriser, azimut
     view = camera(azimuth, elevation)
     rays = camera_rays(view, torch.tensor([0.5, 0.5, 0.5]))
     for row, column in ((20, 44), (50, 13), (32, 32)):
-        place = (rays.origins + 1.25 * rays.directions)[row, column].double().numpy()
-        rasteriser.upload([dot(place, 0.03)])
+        centre = (rays.origins + 1.25 * rays.directions)[row, column].double().numpy()
+        rasteriser.upload([dot(centre, 0.03)])
         image, mask = rasteriser.render(view)
         dark = 255.0 - image.mean(-1)
         y, x = np.mgrid[:SIZE, :SIZE] + 0.5
@@ -95,8 +95,8 @@ def expected(normal: np.ndarray) -> float:
     low, high = DAYLIGHT["sky"]
     power = low + (high - low) * (0.5 + 0.5 * normal[2])
     back = np.array([0.2, -1.0, 0.2]) / np.linalg.norm((0.2, -1.0, 0.2))
-    for towards, most in zip((DAYLIGHT["key"], DAYLIGHT["fill"], back), DAYLIGHT["powers"], strict=True):
-        power += most * max(float(normal @ towards), 0.0)
+    for towards, peak in zip((DAYLIGHT["key"], DAYLIGHT["fill"], back), DAYLIGHT["powers"], strict=True):
+        power += peak * max(float(normal @ towards), 0.0)
     linear = min(((GREY + 0.055) / 1.055) ** 2.4 * power, 1.0)
     return 255 * (1.055 * linear ** (1 / 2.4) - 0.055)
 

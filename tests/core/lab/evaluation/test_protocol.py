@@ -1,5 +1,8 @@
+import json
+import math
 from dataclasses import replace
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +11,16 @@ import torch
 from core.fitting.fit import PRESETS, FitJob, FitSettings
 from core.lab.datasets.srn import ObjectViews
 from core.lab.evaluation import protocol as module
-from core.lab.evaluation.protocol import EvaluationProtocol, ObjectScore, PoseScore, evaluate, summarise
+from core.lab.evaluation.protocol import (
+    EvaluationProtocol,
+    ObjectScore,
+    PoseScore,
+    evaluate,
+    format_table,
+    mean_of,
+    summarise,
+    write_report,
+)
 from core.metrics import psnr, rotation_error, ssim, translation_error
 from core.models.model import Model
 from core.rendering.reference import render_exact
@@ -50,15 +62,6 @@ def test_scores_are_those_of_renders_by_hand_on_all_or_every_other_view(tiny: Mo
     assert half.psnr == pytest.approx(score.psnr, abs=1.0)
 
 
-def test_two_inputs_beat_images_of_the_wrong_view(tiny: Model):
-    views = views_of(tiny, 2)
-    (score,) = evaluate(tiny, [views], EvaluationProtocol(inputs=(0, 2)))
-    assert score.views == 2
-    wrong = replace(views_of(tiny, 0), images=views_of(tiny, 0).images[[0, 0, 0, 0]])
-    (worse,) = evaluate(tiny, [wrong], EvaluationProtocol(inputs=(0, 2)))
-    assert score.psnr > worse.psnr + 3
-
-
 def test_estimated_cameras_are_compared_with_the_true_ones(tiny: Model):
     views = views_of(tiny, 1)
     (score,) = evaluate(tiny, [views], EvaluationProtocol(inputs=(1,), estimate=True))
@@ -73,24 +76,17 @@ def test_estimated_cameras_are_compared_with_the_true_ones(tiny: Model):
 
 
 def test_objects_are_scored_one_by_one_and_read_lazily(tiny: Model):
-    read = []
-
-    def lazily():
-        for index in range(4):
-            read.append(index)
-            yield views_of(tiny, index, 2)
-
-    scores = list(islice(evaluate(tiny, lazily(), EvaluationProtocol(inputs=(0,))), 2))
+    objects = (views_of(tiny, index, 2) for index in range(4))
+    scores = list(islice(evaluate(tiny, objects, EvaluationProtocol(inputs=(0,))), 2))
     assert [score.name for score in scores] == ["stool0", "stool1"]
-    assert read == [0, 1]
+    assert next(objects).name == "stool2"
 
 
 def test_too_few_views_and_other_focal_lengths_are_refused(tiny: Model):
     views = views_of(tiny, 0, 2)
-    with pytest.raises(ValueError, match="stool0: 2 views"):
-        list(evaluate(tiny, [views], EvaluationProtocol(inputs=(2,))))
-    with pytest.raises(ValueError, match="stool0: 2 views"):
-        list(evaluate(tiny, [views], EvaluationProtocol(inputs=(0, 1))))
+    for inputs in ((2,), (0, 1)):
+        with pytest.raises(ValueError, match="stool0: 2 views"):
+            list(evaluate(tiny, [views], EvaluationProtocol(inputs=inputs)))
     closer = replace(views, cameras=tuple(replace(camera, focal=90.0) for camera in views.cameras))
     with pytest.raises(ValueError, match="focal length"):
         list(evaluate(tiny, [closer], EvaluationProtocol(inputs=(0,), estimate=True)))
@@ -100,6 +96,17 @@ def test_too_few_views_and_other_focal_lengths_are_refused(tiny: Model):
 
 
 # Averages
+
+
+def test_the_bootstrap_interval_matches_the_normal_one():
+    values = np.random.default_rng(1).normal(25, 2, 400)
+    mean = mean_of(values.tolist())
+    half = 1.96 * values.std(ddof=1) / math.sqrt(len(values))
+    assert mean.mean == pytest.approx(values.mean())
+    assert mean.low == pytest.approx(values.mean() - half, abs=0.05)
+    assert mean.high == pytest.approx(values.mean() + half, abs=0.05)
+    assert mean == mean_of(values.tolist())
+    assert math.isnan(mean_of([]).mean)
 
 
 def score(name: str, value: float, *rotations: float, translation: float = 0.01) -> ObjectScore:
@@ -121,3 +128,43 @@ def test_outliers_are_left_out_and_objects_weigh_alike():
     assert summary.pose.cameras == 4
     assert summary.pose.rotation.mean == pytest.approx(6)
     assert summary.pose.within_5_degrees.mean == pytest.approx((2 / 3 + 0) / 2)
+
+
+# Reports
+
+ESTIMATED = [
+    ObjectScore("a", 24.0, 0.9, 250, 4.0, (PoseScore(64, 2.0, 0.01, 80.0, 1.1),)),
+    ObjectScore("b", 12.0, 0.7, 250, 6.0, (PoseScore(64, 179.0, 1.99, 90.0, 1.2),)),
+]
+KNOWN = [ObjectScore("a", 24.0, 0.9, 250, 4.0), ObjectScore("b", 26.0, 0.92, 250, 6.0)]
+
+
+def test_known_cameras_give_a_row_of_the_papers_table():
+    text = format_table(KNOWN, EvaluationProtocol())
+    assert "1-view (64), camera known" in text
+    assert "25.00 [24.00, 26.00]" in text
+    assert "0.910 [0.900, 0.920]" in text
+    assert "rotation" not in text
+    assert "5.0 s for a fit" in text
+
+
+def test_estimated_cameras_add_errors_and_outliers_or_a_dash():
+    text = format_table(ESTIMATED, EvaluationProtocol((64, 104), estimate=True))
+    lines = {line.split("  ")[0].strip(): line for line in text.splitlines()}
+    assert "2-view (64, 104), camera estimated" in text
+    assert "24.00 [24.00, 24.00]" in next(line for line in text.splitlines() if "- outliers (over" in line)
+    assert "90.50" in lines["rotation (degrees)"]
+    assert "85.00" in lines["rotation (degrees)"]
+    assert "50 [0, 100]" in lines["within 5 degrees (%)"]
+    assert " - " in format_table(ESTIMATED[1:], EvaluationProtocol(estimate=True))
+
+
+def test_the_report_holds_every_object_and_no_nan(tmp_path: Path):
+    write_report(tmp_path / "r.json", ESTIMATED[1:], EvaluationProtocol(estimate=True), {"model": "m"})
+    text = (tmp_path / "r.json").read_text()
+    report = json.loads(text)
+    assert "NaN" not in text
+    assert report["summary"]["without_outliers"]["psnr"] == [None, None, None]
+    assert report["objects"][0]["poses"][0]["rotation"] == 179.0
+    assert report["objects"][0]["outlier"]
+    assert report["protocol"] == {"inputs": [64], "estimate": True, "preset": "normal", "seed": 0, "every": 1}

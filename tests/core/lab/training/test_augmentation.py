@@ -40,9 +40,9 @@ def test_an_object_in_a_corner_fills_its_crop_and_empty_images_stay_unchanged():
     images[:, 3, :12, 36:] = 1.0
     mask = recrop(images)[0, 3] > 0.5
     for axis in (0, 1):
-        places = mask.any(axis).nonzero()[:, 0]
-        assert len(places) == pytest.approx(SIDE / CROP_MARGIN, abs=1.5)
-        assert float(places.float().mean()) == pytest.approx((SIDE - 1) / 2, abs=0.6)
+        lines = mask.any(axis).nonzero()[:, 0]
+        assert len(lines) == pytest.approx(SIDE / CROP_MARGIN, abs=1.5)
+        assert float(lines.float().mean()) == pytest.approx((SIDE - 1) / 2, abs=0.6)
     images = torch.ones(1, 4, SIDE, SIDE)
     images[:, 3] = 0
     torch.testing.assert_close(recrop(images), images)

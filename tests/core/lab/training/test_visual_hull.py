@@ -17,8 +17,8 @@ def ball(radius: float = 0.2, centre=(0.1, 0.0, 0.05), count: int = 12, size: in
         camera = Camera(generator.uniform(-3, 3), generator.uniform(-1.4, 1.4), 2.0, size * 1.02, size, size)
         rays = camera_rays(camera, torch.full((3,), 0.5))
         towards = torch.tensor(centre) - rays.origins
-        along = (towards * rays.directions).sum(-1, keepdim=True)
-        masks.append(((towards - along * rays.directions).norm(dim=-1) < radius).numpy())
+        depth = (towards * rays.directions).sum(-1, keepdim=True)
+        masks.append(((towards - depth * rays.directions).norm(dim=-1) < radius).numpy())
         cameras.append(camera)
     images = np.full((count, size, size, 3), 255, np.uint8)
     return ObjectViews("ball", "ball", "ball", images, np.stack(masks), tuple(cameras))
