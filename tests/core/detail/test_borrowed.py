@@ -60,10 +60,12 @@ def test_the_end_that_no_photo_shows_is_borrowed(model: Model, instance: Instanc
     behind = model.camera(BEHIND, 0.2).resized(96, 96)
     rendered = render_exact(instance, behind, 64)
     plain = replace(maps, photos=maps.photos[:1], borrowed=0)
-    after, shares = maps.added(rendered, behind)
-    before, shares_before = plain.added(rendered, behind)
-    assert (after.colour - before.colour).abs().amax() > 0.1
-    assert torch.allclose(shares.mirrored, shares_before.mirrored, atol=1e-5), "borrowed colours count as the model's"
+    with_ends, sources = maps.added(rendered, behind)
+    without_ends, sources_without_ends = plain.added(rendered, behind)
+    assert (with_ends.colour - without_ends.colour).abs().amax() > 0.1
+    assert torch.allclose(sources.mirrored, sources_without_ends.mirrored, atol=1e-5), (
+        "borrowed colours count as the model's"
+    )
 
 
 def test_the_bytes_of_cached_ends_and_photos_are_counted(instance: Instance) -> None:
@@ -89,8 +91,8 @@ def test_the_shader_shows_what_is_borrowed(model: Model, instance: Instance) -> 
     behind = model.camera(BEHIND, 0.2).resized(96, 96)
     photos = replace(baked.detail, photos=baked.detail.photos[:1], borrowed=0)
     with offscreen((96, 96)) as pictures:
-        drawn, before = (pictures.draw(replace(baked, detail=maps), behind) / 255 for maps in (baked.detail, photos))
-    change = np.abs(drawn - before).mean()
+        drawn, bare = (pictures.draw(replace(baked, detail=maps), behind) / 255 for maps in (baked.detail, photos))
+    change = np.abs(drawn - bare).mean()
     assert change > 0.005
     assert np.abs(drawn - render_baked(baked, behind).colour.numpy()).mean() < change / 4
 

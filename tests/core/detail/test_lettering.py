@@ -12,7 +12,6 @@ from core.detail.lettering import lettering, with_lamps, without_lettering
 SIDE = 512
 MAP = 256
 PAINTS = {"white": (235, 235, 240), "red": (150, 20, 25), "black": (25, 25, 30)}
-Places = Float[Tensor, "h w"]
 
 
 def side_of_a_car(
@@ -32,7 +31,7 @@ def side_of_a_car(
     return image
 
 
-def places_in(image: Image.Image, flank: float = 1.0) -> Places:
+def letters_in(image: Image.Image, flank: float = 1.0) -> Float[Tensor, "h w"]:
     photo = torch.from_numpy(np.array(image)).movedim(-1, 0) / 255
     paint = photo[:, 0, 0][:, None, None].expand(3, MAP, MAP)
     return lettering(photo, paint, torch.full((MAP, MAP), flank))
@@ -46,34 +45,34 @@ def test_words_are_detected_and_nothing_beside_them(word: str, paint: str, ink: 
     plain = side_of_a_car(PAINTS[paint])
     written = side_of_a_car(PAINTS[paint], word, ink)
     strokes = torch.from_numpy((np.abs(np.array(plain, int) - np.array(written)) > 60).any(-1))
-    places = places_in(written) > 0
-    pixels = places.repeat_interleave(2, 0).repeat_interleave(2, 1)
+    letters = letters_in(written) > 0
+    pixels = letters.repeat_interleave(2, 0).repeat_interleave(2, 1)
     assert float(pixels[strokes].float().mean()) > 0.97
-    assert int(places[:100].sum()) == int(places[:, :75].sum()) == int(places[:, 215:].sum()) == 0
+    assert int(letters[:100].sum()) == int(letters[:, :75].sum()) == int(letters[:, 215:].sum()) == 0
 
 
 @pytest.mark.parametrize("paint", PAINTS)
 def test_gaps_handles_trim_and_lamps_are_not_taken_for_lettering(paint: str) -> None:
-    assert not places_in(side_of_a_car(PAINTS[paint])).any()
+    assert not letters_in(side_of_a_car(PAINTS[paint])).any()
 
 
 def test_lettering_is_detected_on_the_flank_alone() -> None:
-    assert not places_in(side_of_a_car(PAINTS["white"], "POLICE"), flank=0.0).any()
+    assert not letters_in(side_of_a_car(PAINTS["white"], "POLICE"), flank=0.0).any()
 
 
 def test_lettering_is_detected_in_photos_of_any_size() -> None:
     image = side_of_a_car(PAINTS["white"], "POLICE")
     for size in ((1024, 1024), (400, 400), (1, 1), (700, 9), (9, 700)):
-        assert bool(torch.isfinite(places_in(image.resize(size))).all())
-    assert places_in(image.resize((1024, 1024))).any() and places_in(image.resize((400, 400))).any()
+        assert bool(torch.isfinite(letters_in(image.resize(size))).all())
+    assert letters_in(image.resize((1024, 1024))).any() and letters_in(image.resize((400, 400))).any()
 
 
 def test_paint_replaces_lettering_and_stays_elsewhere() -> None:
     image = torch.full((3, 64, 64), 0.9)
     image[:, 20:40, 20:40] = 0.2
-    places = torch.zeros(64, 64)
-    places[18:42, 18:42] = 1
-    clean, weight = without_lettering(image, places, torch.ones(64, 64, dtype=torch.bool))
+    letters = torch.zeros(64, 64)
+    letters[18:42, 18:42] = 1
+    clean, weight = without_lettering(image, letters, torch.ones(64, 64, dtype=torch.bool))
     result = torch.lerp(image, clean, weight)
     assert torch.allclose(result, torch.full_like(image, 0.9), atol=1e-3)
     assert weight[:10].max() == 0
@@ -87,8 +86,8 @@ def test_rough_places_at_a_cars_ends_are_lamps() -> None:
     normals[:, :32] = torch.tensor([1.0, 0.0, 0.0])
     glass = torch.zeros(64, 64)
     glass[:, 56:] = 1
-    parts = {"body": 1 - glass, "glass": glass}
-    lamps = with_lamps(parts, photo, normals)["lamps"]
+    probabilities = {"body": 1 - glass, "glass": glass}
+    lamps = with_lamps(probabilities, photo, normals)["lamps"]
     assert float(lamps[24:36, 32:56].min()) > 0.95
     assert not lamps[:14].any() and not lamps[:, :32].any() and not lamps[:, 56:].any()
     assert with_lamps({"seat": glass}, photo, normals) == {"seat": glass}

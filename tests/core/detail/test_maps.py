@@ -69,10 +69,10 @@ def test_the_photos_own_view_shows_the_photo(instance: Instance, camera: Camera)
 
 
 def test_each_of_two_photos_is_shown_from_its_own_camera(tiny: Model, instance: Instance, camera: Camera) -> None:
-    beside = tiny.camera(2.6, 0.3).resized(SIZE, SIZE)
-    views = (*instance.detail.views, *striped(tiny, beside).detail.views)
+    second_camera = tiny.camera(2.6, 0.3).resized(SIZE, SIZE)
+    views = (*instance.detail.views, *striped(tiny, second_camera).detail.views)
     detailed = instance.changed(detail=replace(instance.detail, views=views))
-    for view, own_camera in zip(views, (camera, beside), strict=True):
+    for view, own_camera in zip(views, (camera, second_camera), strict=True):
         photo = view.pixels()[..., :3] / 255
         plain = image(instance.with_detail(None), own_camera)
         assert psnr(image(detailed, own_camera), photo) > psnr(plain, photo) + 4
@@ -89,9 +89,9 @@ def test_erased_places_have_the_models_colours(instance: Instance, camera: Camer
 
 
 def test_photo_detail_changes_neither_opacity_nor_depth(tiny: Model, instance: Instance) -> None:
-    beside = tiny.camera(1.5, 0.5).resized(72, 96)
-    plain = render_frame(instance.with_detail(None), beside)
-    detailed = render_frame(instance, beside)
+    camera = tiny.camera(1.5, 0.5).resized(72, 96)
+    plain = render_frame(instance.with_detail(None), camera)
+    detailed = render_frame(instance, camera)
     assert (plain.image != detailed.image).any()
     assert np.array_equal(plain.opacity, detailed.opacity) and np.array_equal(plain.depth, detailed.depth)
 
@@ -100,8 +100,8 @@ def test_the_other_side_is_mirrored_or_the_models(tiny: Model, instance: Instanc
     assert instance.detail is not None
     behind = tiny.camera(np.pi - 1.1, 0.3).resized(SIZE, SIZE)
     frames = [render_frame(instance.with_detail(replace(instance.detail, other_side=side)), behind) for side in SIDES]
-    mirrored, own = (frame.sources[..., 1].sum() for frame in frames if frame.sources is not None)
-    assert mirrored > own == 0
+    mirrored_light, unmirrored_light = (frame.sources[..., 1].sum() for frame in frames if frame.sources is not None)
+    assert mirrored_light > unmirrored_light == 0
     assert (frames[0].image != frames[1].image).any()
 
 
@@ -120,10 +120,10 @@ def test_paint_in_place_of_lettering_is_on_the_mirrored_side_only(
     maps = run_to_end(detail_maps(instance))
     assert maps is not None and maps.photos[0].mirrored is maps.photos[0].fine
     behind = tiny.camera(np.pi - 1.1, 0.3).resized(64, 64)
-    for view, least, most in ((camera, 0, 0.0005), (behind, 0.003, 1)):
+    for view, minimum, maximum in ((camera, 0, 0.0005), (behind, 0.003, 1)):
         rendered = render_exact(instance, view)
         plain, covered = (detail.added(rendered, view)[0].colour for detail in (maps, lettered(maps)))
-        assert least <= (plain - covered).abs().mean() <= most
+        assert minimum <= (plain - covered).abs().mean() <= maximum
 
 
 def test_frames_hold_the_sources_of_colours(tiny: Model, instance: Instance, camera: Camera) -> None:
@@ -139,12 +139,12 @@ def test_frames_hold_the_sources_of_colours(tiny: Model, instance: Instance, cam
 
 def test_the_stripe_turns_with_the_surface(tiny: Model, instance: Instance) -> None:
     """From 30 degrees beside the photo, the stripe darkens the same surface points."""
-    beside = tiny.camera(1.1 + 0.5, 0.3).resized(SIZE, SIZE)
-    plain = render_frame(instance.with_detail(None), beside)
-    detailed = render_frame(instance, beside)
+    camera = tiny.camera(1.1 + 0.5, 0.3).resized(SIZE, SIZE)
+    plain = render_frame(instance.with_detail(None), camera)
+    detailed = render_frame(instance, camera)
     darker = torch.from_numpy(plain.image[..., 0].astype(int) - detailed.image[..., 0] > 25)
     assert darker.sum() > 60
-    rays = camera_rays(beside, tiny.extent_tensor)
+    rays = camera_rays(camera, tiny.extent_tensor)
     points = (rays.origins + rays.directions * torch.from_numpy(detailed.depth)[..., None])[darker]
     rows = instance.detail.views[0].camera.project(points)[:, 1] / instance.detail.views[0].camera.height
     assert float(((rows - 0.52 + 0.02).abs() < 0.05).float().mean()) > 0.8
@@ -246,10 +246,10 @@ def test_a_ball_has_the_normals_of_a_ball() -> None:
 
 def ball(camera: Camera, radius: float = 0.4) -> tuple[Rays, Rendered]:
     rays = camera_rays(camera, torch.full((3,), 0.5))
-    along = -(rays.origins * rays.directions).sum(-1)
-    under = radius**2 - (rays.origins.square().sum(-1) - along**2)
+    nearest = -(rays.origins * rays.directions).sum(-1)
+    under = radius**2 - (rays.origins.square().sum(-1) - nearest**2)
     hit = under > 0
-    depth = torch.where(hit, along - under.clamp_min(0).sqrt(), 0.0)
+    depth = torch.where(hit, nearest - under.clamp_min(0).sqrt(), 0.0)
     return rays, Rendered(torch.where(hit[..., None], 0.5, 1.0).expand(*hit.shape, 3), depth, hit.float())
 
 

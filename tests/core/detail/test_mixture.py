@@ -31,12 +31,13 @@ def region(rows: slice, columns: slice) -> Float[Tensor, "h w"]:
 
 
 ALL = slice(0, SIDE)
-LEFT, RIGHT = slice(0, 60), slice(60, SIDE)
+LEFT = slice(0, 60)
+RIGHT = slice(60, SIDE)
 SURE = torch.ones(SIDE, SIDE)
 
 
-def shares(photo: Tensor, parts: dict[str, Tensor], weight: Tensor = SURE) -> dict[str, Tensor]:
-    paints = photo_paints(photo, parts, weight)
+def shares(photo: Tensor, probabilities: dict[str, Tensor], weight: Tensor = SURE) -> dict[str, Tensor]:
+    paints = photo_paints(photo, probabilities, weight)
     assert bool(torch.isfinite(paints.shares).all()) and bool(torch.isfinite(paints.colours).all())
     assert float(paints.shares.min()) >= 0 and float(paints.shares.max()) < 1.001
     return dict(zip(paints.names, paints.shares.float(), strict=True))
@@ -52,8 +53,8 @@ def test_paint_in_any_light_ends_at_the_photos_edge_and_leaves_out_lettering_and
     lamp = slice(40, 50), slice(10, 20), ORANGE
     photo = drawn((ALL, LEFT, paint), shade, (ALL, RIGHT, DARK), letters, lamp)
     wrong = slice(0, 64), slice(64, SIDE)
-    parts = {name: region(ALL, columns) for name, columns in zip(("body", "glass"), wrong, strict=True)}
-    body = shares(photo, parts)["body"]
+    probabilities = {name: region(ALL, columns) for name, columns in zip(("body", "glass"), wrong, strict=True)}
+    body = shares(photo, probabilities)["body"]
     for rows, columns, *_ in (letters, lamp, (ALL, slice(61, SIDE))):
         assert float((body[rows, columns] > 0.5).float().mean()) < 0.05
     for rows, columns in ((slice(0, 18), slice(0, 59)), (slice(62, SIDE), slice(0, 59))):
@@ -71,15 +72,15 @@ def test_materials_are_told_by_colour_in_every_part() -> None:
     cloth = slice(10, 40), slice(10, 86)
     photo = drawn((ALL, ALL, WOOD), (*cloth, TEAL), (slice(48, 72), ALL, TEAL))
     rows = {"back": slice(0, 48), "seat": slice(48, 72), "legs": slice(72, SIDE)}
-    by_name = shares(photo, {name: region(chosen, ALL) for name, chosen in rows.items()})
+    by_name = shares(photo, {name: region(band, ALL) for name, band in rows.items()})
     assert float(by_name["fabric"][cloth].mean()) > 0.95 > 0.05 > float(by_name["wood"][cloth].mean())
     assert float(by_name["wood"][:8].mean()) > 0.95 > 0.05 > float(by_name["fabric"][:8].mean())
     assert float(by_name["seat"][:40].max()) < 0.05
 
 
 @pytest.mark.parametrize("pixels", [0, 1, 2])
-@pytest.mark.parametrize("parts", [(), ("seat", "legs")])
-def test_few_certain_pixels_give_finite_shares(pixels: int, parts: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("names", [(), ("seat", "legs")])
+def test_few_certain_pixels_give_finite_shares(pixels: int, names: tuple[str, ...]) -> None:
     weight = torch.zeros(SIDE, SIDE)
     weight[0, :pixels] = 1
-    shares(torch.rand(3, SIDE, SIDE), {name: region(ALL, LEFT) for name in parts}, weight)
+    shares(torch.rand(3, SIDE, SIDE), {name: region(ALL, LEFT) for name in names}, weight)

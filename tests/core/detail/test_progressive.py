@@ -41,11 +41,11 @@ def test_only_the_last_stage_computes_the_complete_occupancy_of_a_new_shape():
     for instance in (model[0], model[0].mixed(model[1], 0.02, 0)):
         stream = render_progressively(RenderJob(instance, model.camera(0.3, 0.2), RenderSettings(divisors=(1, 1))))
         frames = [next(frame for frame in stream if frame)]
-        before = shape_occupancy(instance, complete=False)
+        preview = shape_occupancy(instance, complete=False)
         frames += [frame for frame in stream if frame]
-        after = shape_occupancy(instance, complete=False)
+        finished = shape_occupancy(instance, complete=False)
         assert [frame.resolution for frame in frames] == [(32, 32), (32, 32)]
-        assert (before.complete, after.complete) == (instance == model[0], True)
+        assert (preview.complete, finished.complete) == (instance == model[0], True)
 
 
 def test_an_abandoned_stream_does_no_more_work(monkeypatch: pytest.MonkeyPatch):

@@ -19,16 +19,16 @@ def patch(*colours: tuple[float, float, float]) -> Float[Tensor, "3 places"]:
     return torch.tensor(colours).T
 
 
-def painted(photo: Tensor, before: Tensor, after: Tensor, match: ColourMatch | None = None) -> Tensor:
-    offset = (match or ColourMatch()).change(before.T).T
-    return repainted(photo, before + offset, moved_paint(after - before, offset))
+def painted(photo: Tensor, old_paint: Tensor, new_paint: Tensor, match: ColourMatch | None = None) -> Tensor:
+    offset = (match or ColourMatch()).change(old_paint.T).T
+    return repainted(photo, old_paint + offset, moved_paint(new_paint - old_paint, offset))
 
 
 def test_photos_keep_every_bit_without_a_change() -> None:
     photo = torch.rand(3, 500, generator=torch.Generator().manual_seed(0))
-    before = torch.rand(3, 500, generator=torch.Generator().manual_seed(1))
+    old_paint = torch.rand(3, 500, generator=torch.Generator().manual_seed(1))
     match = ColourMatch((1.2, 1.1, 0.9), (0.02, -0.1, 0.05))
-    assert torch.equal(painted(photo, before, before, match), photo)
+    assert torch.equal(painted(photo, old_paint, old_paint, match), photo)
 
 
 def test_new_paint_keeps_the_photos_light_and_drops_its_offset() -> None:
@@ -45,9 +45,9 @@ def test_new_paint_keeps_the_photos_light_and_drops_its_offset() -> None:
 @pytest.mark.parametrize("paint", [WHITE, RED, GOLD])
 def test_a_paint_is_the_same_in_light_and_shade_and_no_other_colour(paint: tuple[float, float, float]) -> None:
     lights = torch.tensor([0.6, 0.8, 1.0, 1.1]) * patch(paint)
-    others = patch(*({WHITE, RED, GOLD, BLACK, (0.1, 0.15, 0.4)} - {paint}))
+    other_paints = patch(*({WHITE, RED, GOLD, BLACK, (0.1, 0.15, 0.4)} - {paint}))
     assert same_paint(lights, patch(paint)).min() > 0.95
-    assert same_paint(others, patch(paint)).max() < 0.2
+    assert same_paint(other_paints, patch(paint)).max() < 0.2
 
 
 def test_measures_are_bounded_at_the_extremes() -> None:

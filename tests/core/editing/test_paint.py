@@ -37,9 +37,9 @@ RED = (0.75, 0.19, 0.16)
 BLUE = (0.2, 0.35, 0.65)
 
 
-def painted(instance: Instance, colour: tuple[float, float, float], part: str = "") -> Instance:
+def painted(instance: Instance, colour: tuple[float, float, float], name: str = "") -> Instance:
     """The object with a paint on a part."""
-    return run_to_end(paint(instance, Paint(colour, part)))
+    return run_to_end(paint(instance, Paint(colour, name)))
 
 
 def test_a_paint_is_reached_and_the_same_paint_changes_nothing(tiny: Model) -> None:
@@ -69,12 +69,12 @@ def test_nothing_has_paint_in_a_frame_without_an_object(tiny: Model) -> None:
     assert not coarse_paint(tiny[0], camera, frame).fraction.any()
 
 
-@pytest.mark.parametrize("part", ["seat", "back", "legs", "fabric"])
-def test_a_part_takes_any_colour_in_place_of_its_former_one(part: str) -> None:
+@pytest.mark.parametrize("name", ["seat", "back", "legs", "fabric"])
+def test_a_part_takes_any_colour_in_place_of_its_former_one(name: str) -> None:
     instance = load_model("chairs")[2]
-    blue = painted(instance, BLUE, part)
-    assert difference(colour(blue, part), torch.tensor(BLUE)) < 0.02
-    assert painted(painted(instance, RED, part), BLUE, part) == blue
+    blue = painted(instance, BLUE, name)
+    assert difference(colour(blue, name), torch.tensor(BLUE)) < 0.02
+    assert painted(painted(instance, RED, name), BLUE, name) == blue
     assert torch.equal(blue.codes.texture, instance.codes.texture)
 
 
@@ -86,12 +86,12 @@ def test_a_cars_body_is_painted_and_its_glass_and_wheels_are_not(cars: Model) ->
     assert body > 3 * max(unpainted)
 
 
-@pytest.mark.parametrize(("material", "own", "opposite"), [("fabric", "seat", "legs"), ("wood", "legs", "seat")])
-def test_painting_a_material_of_a_chair_keeps_the_other(material: str, own: str, opposite: str) -> None:
+@pytest.mark.parametrize(("material", "its_part", "other_part"), [("fabric", "seat", "legs"), ("wood", "legs", "seat")])
+def test_painting_a_material_of_a_chair_keeps_the_other(material: str, its_part: str, other_part: str) -> None:
     instance = _two_coloured(load_model("chairs"))
     blue = painted(instance, BLUE, material)
-    change, kept = (difference(colour(blue, name), colour(instance, name)) for name in (own, opposite))
-    assert change > 3 * kept
+    change, other_change = (difference(colour(blue, name), colour(instance, name)) for name in (its_part, other_part))
+    assert change > 3 * other_change
 
 
 def _two_coloured(chairs: Model) -> Instance:

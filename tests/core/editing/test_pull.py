@@ -57,8 +57,8 @@ def test_the_axis_on_which_a_point_is_far_out_is_preferred(stool: Instance) -> N
 
 
 def test_legs_alone_grow_when_they_are_pulled(chair: Instance) -> None:
-    for part, name in (("legs", "legs"), ("seat", "height")):
-        pull = find_pull(chair, _BOUNDS, _FRONT, part, (0.0, 0.0, -0.37), (0.0, 8.0))
+    for pulled, name in (("legs", "legs"), ("seat", "height")):
+        pull = find_pull(chair, _BOUNDS, _FRONT, pulled, (0.0, 0.0, -0.37), (0.0, 8.0))
         assert pull is not None and pull.name == name and pull.to((0.0, 8.0)) > pull.length
     without_plane = _BOUNDS._replace(plane=None)
     assert find_pull(chair, without_plane, _FRONT, "legs", (0.0, 0.0, -0.37), (0.0, 8.0)).name == "height"

@@ -38,11 +38,11 @@ def through_affine_camera(instance: Instance, camera: Camera, stretch: Factors) 
     model = instance.model
     rays = camera_rays(camera, model.extent_tensor)
     origins = rays.origins / torch.tensor(stretch)
-    along = rays.directions / torch.tensor(stretch)
-    directions = functional.normalize(along, dim=-1)
+    scaled = rays.directions / torch.tensor(stretch)
+    directions = functional.normalize(scaled, dim=-1)
     rays = Rays(origins, directions, *clip_to_box(origins, directions, model.extent_tensor))
     rendered = render_rays(model, rays, 256, *instance.biases)
-    return rendered.colour, rendered.depth / along.norm(dim=-1)
+    return rendered.colour, rendered.depth / scaled.norm(dim=-1)
 
 
 @settings(max_examples=15)
@@ -127,13 +127,13 @@ def test_photo_detail_is_stretched_with_the_object(tiny: Model) -> None:
     instance = striped(tiny, camera)
     photo = torch.from_numpy(instance.detail.views[0].pixels()[..., :3] / 255).float()
     stretched = instance.with_edits(Stretch, Stretch((1.0, 1.0, 1.4)))
-    across, _, up = stretched.codes.proportions
+    width, _, height = stretched.codes.proportions
     axis = (torch.arange(SIZE) + 0.5) / SIZE * 2 - 1
-    place = torch.stack(torch.meshgrid(axis * up, axis * across, indexing="ij")[::-1], -1)
+    uv = torch.stack(torch.meshgrid(axis * height, axis * width, indexing="ij")[::-1], -1)
 
     def seen_as_natural(instance: Instance) -> torch.Tensor:
         image = torch.from_numpy(render_frame(instance, camera).image / 255).float().movedim(-1, 0)
-        return functional.grid_sample(image[None], place[None], align_corners=False)[0].movedim(0, -1)
+        return functional.grid_sample(image[None], uv[None], align_corners=False)[0].movedim(0, -1)
 
     rows = slice(int(0.45 * SIZE), int(0.6 * SIZE))  # around the stripe
     quality = psnr(seen_as_natural(stretched)[rows], photo[rows])
@@ -175,18 +175,18 @@ def test_a_bent_objects_cells_hold_all_that_is_dense(plane: float, moved: float,
     torch.testing.assert_close(density, natural)
     inside = shape_occupancy(instance.natural).contains(bend.origins(points))
     assert bool(shape_occupancy(instance).contains(points[inside]).all())
-    share = shape_occupancy(instance).cells.sum() / shape_occupancy(instance.natural).cells.sum()
-    assert share < 2 * MAX_BEND
+    fraction = shape_occupancy(instance).cells.sum() / shape_occupancy(instance.natural).cells.sum()
+    assert fraction < 2 * MAX_BEND
 
 
 def test_legs_get_a_length_and_the_rest_keeps_its_own() -> None:
     chair = load_model("chairs")[999]
     legs = portion_of(chair.model)
     assert legs is not None and legs.name == "legs"
-    before = bounds_of(chair).length(legs)
-    assert 35 < before < 45
-    tall = sized(chair, legs=before + 7)
-    assert bounds_of(tall).length(legs) == pytest.approx(before + 7)
+    length = bounds_of(chair).length(legs)
+    assert 35 < length < 45
+    tall = sized(chair, legs=length + 7)
+    assert bounds_of(tall).length(legs) == pytest.approx(length + 7)
     width, depth, height = size_of(chair)
     assert size_of(tall) == pytest.approx((width, depth, height + 7))
     split = sized(tall, width=60.0, depth=58.0, height=92.0, legs=45.0)
@@ -194,17 +194,17 @@ def test_legs_get_a_length_and_the_rest_keeps_its_own() -> None:
     assert size_of(sized(split, width=30.0, depth=29.0, height=46.0)) == pytest.approx((30, 29, 46))
     assert bounds_of(sized(split, width=30.0, depth=29.0, height=46.0)).length(legs) == pytest.approx(22.5)
     assert sized(split) == chair == split.natural
-    assert size_of(sized(tall, legs=before)) == pytest.approx(size_of(chair))
+    assert size_of(sized(tall, legs=length)) == pytest.approx(size_of(chair))
 
 
 def test_a_roof_begins_at_the_windows() -> None:
     cars = load_model("cars")
     roof = portion_of(cars)
     assert roof is not None and roof.name == "roof"
-    before = bounds_of(cars[0])
-    high = sized(cars[0], roof=1.3 * before.length(roof))
-    assert bounds_of(high).length(roof) == pytest.approx(1.3 * before.length(roof))
-    assert size_of(high)[2] - bounds_of(high).length(roof) == pytest.approx(before.size[2] - before.length(roof))
+    natural = bounds_of(cars[0])
+    high = sized(cars[0], roof=1.3 * natural.length(roof))
+    assert bounds_of(high).length(roof) == pytest.approx(1.3 * natural.length(roof))
+    assert size_of(high)[2] - bounds_of(high).length(roof) == pytest.approx(natural.size[2] - natural.length(roof))
 
 
 def test_an_edit_of_the_shape_keeps_the_bend_and_sizes_stay_true() -> None:
@@ -248,9 +248,9 @@ def test_photo_detail_is_bent_with_the_object(tiny: Model) -> None:
     rows = SIZE / 2 - 0.5 - origins * camera.focal / camera.distance
     photo = torch.from_numpy(instance.detail.views[0].pixels()[..., :3] / 255).float()
     expected = photo[rows.round().long().clamp(0, SIZE - 1)]
-    shown, plain = (
+    with_detail, plain = (
         torch.from_numpy(render_frame(bent, camera).image / 255).float()
         for bent in (instance.with_edits(Bend, bend), instance.changed(edits=(bend,), detail=None))
     )
     stripe = ((origins * camera.focal / camera.distance).abs() < 0.06 * SIZE).nonzero()[:, 0]
-    assert psnr(shown[stripe], expected[stripe]) > max(25, psnr(plain[stripe], expected[stripe]) + 5)
+    assert psnr(with_detail[stripe], expected[stripe]) > max(25, psnr(plain[stripe], expected[stripe]) + 5)

@@ -12,9 +12,9 @@ _SHARES = st.floats(0.05, 0.95)
 
 def bend_of(plane: float, moved: float) -> Bend:
     """A bend between -0.5 and 0.5 from and to shares of the height, as near as limits allow."""
-    least = max(plane / MAX_BEND, 1 - MAX_BEND * (1 - plane))
-    most = min(plane * MAX_BEND, 1 - (1 - plane) / MAX_BEND)
-    return Bend(-0.5, plane - 0.5, max(least, min(most, moved)) - 0.5, 0.5)
+    lowest = max(plane / MAX_BEND, 1 - MAX_BEND * (1 - plane))
+    highest = min(plane * MAX_BEND, 1 - (1 - plane) / MAX_BEND)
+    return Bend(-0.5, plane - 0.5, max(lowest, min(highest, moved)) - 0.5, 0.5)
 
 
 def column(heights: torch.Tensor) -> torch.Tensor:

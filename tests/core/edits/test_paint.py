@@ -47,13 +47,13 @@ def test_a_paint_leaves_places_of_other_parts_exactly_as_they_were(chair: Instan
     head = chair.model.part_head
     assert head is not None
     head = replace(head, weight=1000 * head.weight)  # certain everywhere
-    parts = head.parts(activations)
-    membership = parts["seat"]
-    after = kinds.colours(colours, (RED,), lambda: parts)
-    assert torch.equal(after[membership == 0], colours[membership == 0])
-    assert not torch.isclose(after[membership == 1], colours[membership == 1]).all(-1).any()
-    assert torch.equal(kinds.colours(colours, (), lambda: parts), colours)
-    assert torch.equal(kinds.colours(colours, (replace(RED, part="door"),), lambda: parts), colours)
+    probabilities = head.parts(activations)
+    membership = probabilities["seat"]
+    painted = kinds.colours(colours, (RED,), lambda: probabilities)
+    assert torch.equal(painted[membership == 0], colours[membership == 0])
+    assert not torch.isclose(painted[membership == 1], colours[membership == 1]).all(-1).any()
+    assert torch.equal(kinds.colours(colours, (), lambda: probabilities), colours)
+    assert torch.equal(kinds.colours(colours, (replace(RED, part="door"),), lambda: probabilities), colours)
 
 
 def test_a_material_is_where_colours_are_nearer_to_its_own() -> None:

@@ -51,8 +51,8 @@ vec3 twist_origins(vec3 point) {
 
     def origins(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         x, y, z = points.unbind(-1)
-        cos, sin = (self.turn * z).cos(), (self.turn * z).sin()
-        return torch.stack((cos * x + sin * y, cos * y - sin * x, z), -1)
+        angle = self.turn * z
+        return torch.stack((angle.cos() * x + angle.sin() * y, angle.cos() * y - angle.sin() * x, z), -1)
 
     def uniforms(self) -> dict[str, Any]:
         return {"twist": self.turn}
@@ -104,8 +104,8 @@ def test_photo_detail_follows_on_both_processors(tiny: Model) -> None:
         drawn, bare = (pictures.draw(field, camera) / 255 for field in (baked, replace(baked, detail=None)))
     looked_up = render_baked(baked, camera).colour.numpy()
     assert abs(drawn - looked_up).mean() < abs(drawn - bare).mean() / 4
-    shown = render_frame(instance, camera).image / 255
-    assert abs(shown - looked_up).mean() < abs(shown - render_frame(tiny[0], camera).image / 255).mean() / 4
+    rendered = render_frame(instance, camera).image / 255
+    assert abs(rendered - looked_up).mean() < abs(rendered - render_frame(tiny[0], camera).image / 255).mean() / 4
 
 
 def test_scenes_hold_it(twisted: Instance) -> None:

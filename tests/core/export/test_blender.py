@@ -48,5 +48,5 @@ def test_blender_sees_the_object_as_the_camera_does(tmp_path: Path) -> None:
     stool = trimesh.load_scene(tmp_path / "stool.glb", process=False).to_geometry()
     world = torch.from_numpy(stool.vertices @ WORLD_FROM_GLTF.T).float()
     expected = camera.project(world).numpy() / (96, 64) * (1, -1) + (0, 1)  # from the lower left corner
-    low, high = (np.stack((places.min(0), places.max(0))) for places in (np.array(imported["seen"]), expected))
+    low, high = (np.stack((pixels.min(0), pixels.max(0))) for pixels in (np.array(imported["seen"]), expected))
     np.testing.assert_allclose(low, high, atol=0.003)

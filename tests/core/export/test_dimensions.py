@@ -33,9 +33,9 @@ def test_lines_stand_at_the_near_sides_of_the_box_with_their_lengths(stool: Inst
     pixels = camera.project(corners).numpy()
     lowest = pixels[np.argmax(pixels[:, 1])]  # the near corner of the floor
     for line, axis in zip(lines, range(3), strict=True):
-        along = [np.linalg.norm(pixels - end, axis=1).argmin() for end in line.ends]
-        np.testing.assert_allclose(pixels[along], line.ends, atol=1e-3)
-        first, second = corners[along]
+        corner_index = [np.linalg.norm(pixels - end, axis=1).argmin() for end in line.ends]
+        np.testing.assert_allclose(pixels[corner_index], line.ends, atol=1e-3)
+        first, second = corners[corner_index]
         assert [int(number) for number in (first != second).nonzero().flatten()] == [axis]
         assert line.outward @ (line.ends.mean(0) - pixels.mean(0)) > 0
     for line in lines[:2]:

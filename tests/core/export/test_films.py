@@ -24,8 +24,8 @@ def test_a_swing_starts_at_the_camera_slows_at_either_end_and_has_no_seam() -> N
     assert views[0] == (instance, camera)
     angles = [math.degrees(math.remainder(view.camera.azimuth - 2.9, 2 * math.pi)) for view in views]
     assert (max(angles), min(angles)) == (pytest.approx(70.0), pytest.approx(-70.0))
-    steps = [abs(after - before) for before, after in pairwise([*angles, angles[0]])]
-    assert max(abs(after - before) for before, after in pairwise([*steps, steps[0]])) < 1.5
+    steps = [abs(end - start) for start, end in pairwise([*angles, angles[0]])]
+    assert max(abs(end - start) for start, end in pairwise([*steps, steps[0]])) < 1.5
     assert steps[12] < 1.0 < 9.0 < steps[0]  # at an end, and at the camera
     assert steps[-1] == pytest.approx(steps[0])
     assert {replace(view.camera, azimuth=0.0) for view in views} == {replace(camera, azimuth=0.0)}

@@ -52,9 +52,11 @@ def image_of(path: Path, number: int) -> bytes:
 
 def test_variants_of_other_shapes_and_formats_are_refused(tiny: Model, tmp_path: Path) -> None:
     red = tiny[0].with_edits(PartPaint, RED)
-    for other in (tiny[1], red.with_edits(Stretch, Stretch((1.0, 1.0, 1.2)))):
+    for variant in (tiny[1], red.with_edits(Stretch, Stretch((1.0, 1.0, 1.2)))):
         with pytest.raises(ValueError, match="red has another shape"):
-            list(export_mesh(tiny[0], tmp_path / "a.glb", MeshSettings(16), variants={"plain": tiny[0], "red": other}))
+            list(
+                export_mesh(tiny[0], tmp_path / "a.glb", MeshSettings(16), variants={"plain": tiny[0], "red": variant})
+            )
     with pytest.raises(ValueError, match="holds variants"):
         list(export_mesh(tiny[0], tmp_path / "a.ply", MeshSettings(16), variants={"plain": tiny[0], "red": red}))
     assert list(tmp_path.iterdir()) == []

@@ -75,8 +75,8 @@ def test_pages_show_the_programs_own_render(
     *_, baked = filter(None, bake(instance))
     with offscreen((SIZE, SIZE), background=None) as pictures:
         for azimuth, elevation in views:
-            own = on_white(pictures.draw(baked, replace(camera, azimuth=azimuth, elevation=elevation)))
-            assert psnr(drawn(chromium, azimuth, elevation), own) >= 35
+            expected = on_white(pictures.draw(baked, replace(camera, azimuth=azimuth, elevation=elevation)))
+            assert psnr(drawn(chromium, azimuth, elevation), expected) >= 35
     assert chromium.requests() == [path.as_uri()]
     assert chromium.complaints() == []
     assert chromium.evaluate("document.title") == "Stool <1>"
@@ -102,8 +102,8 @@ def test_pages_show_what_the_mirror_image_has_of_its_own(
     chromium.evaluate(f"stage.style.flex = 'none'; stage.style.height = '{SIZE}px'; 0")
     with offscreen((SIZE, SIZE), background=None) as pictures:
         for azimuth in (1.1, math.pi - 1.1):
-            own = on_white(pictures.draw(baked, replace(camera, azimuth=azimuth)))
-            assert psnr(drawn(chromium, azimuth, camera.elevation), own) >= 35
+            expected = on_white(pictures.draw(baked, replace(camera, azimuth=azimuth)))
+            assert psnr(drawn(chromium, azimuth, camera.elevation), expected) >= 35
 
 
 SIZES = [(390, 844), (150, 150), (1280, 800)]
@@ -158,8 +158,8 @@ def test_pages_of_any_size_show_the_programs_own_render(
     *_, baked = filter(None, bake(striped(tiny, camera.resized(192, 192))))
     with offscreen(tuple(size), background=None) as pictures:
         focal = camera.focal / camera.height * min(size)
-        own = pictures.draw(baked, replace(camera, focal=focal, width=size[0], height=size[1]))
-    assert psnr(on_white(chromium.picture("draw(1)")), on_white(own)) >= 35
+        expected = pictures.draw(baked, replace(camera, focal=focal, width=size[0], height=size[1]))
+    assert psnr(on_white(chromium.picture("draw(1)")), on_white(expected)) >= 35
 
 
 @pytest.mark.parametrize("width, height", SIZES)
@@ -176,12 +176,12 @@ def test_dragging_turns_the_object(chromium: Chromium, stool: Path, width: int, 
 
 
 def test_fingers_on_the_caption_zoom_the_object_and_not_the_page(page: Chromium) -> None:
-    place = page.evaluate("(({ x, y }) => [x + 5, y + 5])(document.querySelector('footer b').getBoundingClientRect())")
-    pinch(page, *place)
+    point = page.evaluate("(({ x, y }) => [x + 5, y + 5])(document.querySelector('footer b').getBoundingClientRect())")
+    pinch(page, *point)
     assert page.evaluate("view.distance / home.distance") == pytest.approx(0.5, abs=0.01)
     assert page.evaluate("visualViewport.scale") == 1
     for deltas in ({"modifiers": 2}, {}):  # a trackpad's pinch is a wheel with Ctrl
-        page.send("Input.dispatchMouseEvent", type="mouseWheel", x=place[0], y=place[1], deltaX=0, deltaY=100, **deltas)
+        page.send("Input.dispatchMouseEvent", type="mouseWheel", x=point[0], y=point[1], deltaX=0, deltaY=100, **deltas)
     assert page.evaluate("view.distance / home.distance") == pytest.approx(0.5 * math.exp(0.2), abs=0.01)
     assert page.evaluate("visualViewport.scale") == 1
 
@@ -203,9 +203,9 @@ def test_keys_turn_and_zoom_and_a_double_tap_resets_the_view(page: Chromium) -> 
 
 
 def test_the_canvas_follows_the_density_of_the_screen(page: Chromium) -> None:
-    before = page.evaluate("draw(1); canvas.width")  # a slow machine draws fewer pixels while it turns
+    width = page.evaluate("draw(1); canvas.width")  # a slow machine draws fewer pixels while it turns
     page.send("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=2, mobile=False)
-    page.wait(f"canvas.width > {1.5 * before}")
+    page.wait(f"canvas.width > {1.5 * width}")
 
 
 def test_page_heads_have_an_image_for_previews_of_links(page: Chromium) -> None:

@@ -78,8 +78,8 @@ def test_swatches_show_the_variants(
                 chromium.send("Input.dispatchKeyEvent", type="keyDown", **ARROW)
                 chromium.wait("parts !== window.seen")
             *_, baked = filter(None, bake(variant))
-            own = on_white(pictures.draw(baked, camera))
-            assert psnr(on_white(chromium.picture("draw(1)")), own) >= 35
+            expected = on_white(pictures.draw(baked, camera))
+            assert psnr(on_white(chromium.picture("draw(1)")), expected) >= 35
     assert chromium.complaints() == []
 
 

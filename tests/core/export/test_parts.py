@@ -31,14 +31,14 @@ def test_a_car_has_a_wheel_at_each_corner_glass_above_them_and_a_body(car: tuple
     _, mesh = car
     low = mesh.vertices.min(0)
     size = mesh.vertices.max(0) - low
-    places = {name: (mesh.vertices[faces].mean(1) - low) / size for name, faces in triangles_by_part(mesh)}
-    assert list(places) == ["body", "wheels", "glass"]
-    assert sum(map(len, places.values())) == len(mesh.faces)
-    wheels = places["wheels"]
+    positions = {name: (mesh.vertices[faces].mean(1) - low) / size for name, faces in triangles_by_part(mesh)}
+    assert list(positions) == ["body", "wheels", "glass"]
+    assert sum(map(len, positions.values())) == len(mesh.faces)
+    wheels = positions["wheels"]
     corners = [wheels[((wheels[:, :2] > 0.5) == corner).all(1)] for corner in np.ndindex(2, 2)]
     for corner in corners:
         assert len(corner) > 100 and np.ptp(corner[:, 1:], 0).max() < 0.45 and corner[:, 2].min() < 0.02
-    assert wheels[:, 2].max() < 0.5 and places["glass"][:, 2].min() > 0.38
+    assert wheels[:, 2].max() < 0.5 and positions["glass"][:, 2].min() > 0.38
 
 
 @pytest.mark.parametrize(("suffix", "texture"), [(".glb", 0), (".glb", 64), (".obj", 0)])

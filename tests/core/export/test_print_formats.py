@@ -50,10 +50,10 @@ def test_a_part_has_the_mean_colour_of_its_surface(chair: tuple[Mesh, Path]):
     mesh, path = chair
     with zipfile.ZipFile(path) as file:
         root = ElementTree.fromstring(file.read("3D/3dmodel.model"))
-    for base, (_, part) in zip(root.iter(f"{_CORE}base"), mesh.parts(), strict=True):
+    for base, (_, piece) in zip(root.iter(f"{_CORE}base"), mesh.parts(), strict=True):
         rgb = np.array([*bytes.fromhex(base.get("displaycolor", "")[1:])]) / 255
-        areas = trimesh.Trimesh(part.vertices, part.faces, process=False).area_faces
-        mean = np.average(part.colours[part.faces].mean(1), axis=0, weights=areas)
+        areas = trimesh.Trimesh(piece.vertices, piece.faces, process=False).area_faces
+        mean = np.average(piece.colours[piece.faces].mean(1), axis=0, weights=areas)
         np.testing.assert_allclose(rgb, mean, atol=0.01)
 
 

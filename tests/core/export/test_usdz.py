@@ -59,8 +59,8 @@ def test_the_image_of_a_usdz_shows_the_photo(tmp_path: Path):
     chairs = load_model("chairs")
     instance = striped(chairs, chairs.camera(1.1, 0.3).resized(192, 192))
     images = []
-    for name, shown in (("photo.usdz", instance), ("codes.usdz", instance.with_detail(None))):
-        list(export_mesh(shown, tmp_path / name, MeshSettings(48, texture=128)))
+    for name, variant in (("photo.usdz", instance), ("codes.usdz", instance.with_detail(None))):
+        list(export_mesh(variant, tmp_path / name, MeshSettings(48, texture=128)))
         with zipfile.ZipFile(tmp_path / name) as file:
             images.append(np.asarray(Image.open(io.BytesIO(file.read("colours.jpg")))).astype(int))
     assert (np.abs(images[0] - images[1]).max(-1) > 30).mean() > 0.02

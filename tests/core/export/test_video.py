@@ -65,12 +65,12 @@ def test_a_cancelled_video_keeps_the_file_that_existed(suffix: str, model: Model
     path = tmp_path / f"turn{suffix}"
     if suffix != ".frames":
         path.write_text("before")
-    before = [entry.name for entry in tmp_path.iterdir()]
+    names = [entry.name for entry in tmp_path.iterdir()]
     stream = turn(model, path, 5)
     next(stream)
     stream.close()
-    assert [entry.name for entry in tmp_path.iterdir()] == before
-    assert not before or path.read_text() == "before"
+    assert [entry.name for entry in tmp_path.iterdir()] == names
+    assert not names or path.read_text() == "before"
 
 
 def test_frames_are_not_written_into_an_existing_folder(model: Model, tmp_path: Path) -> None:
@@ -173,10 +173,10 @@ def test_animations_are_encoded_as_frames_come(suffix: str, transparent: bool, t
     settings = VideoSettings(20, 100, None if transparent else (255, 255, 255))
     path = tmp_path / f"a{suffix}"
     with closing(FORMATS[suffix].sink(path, settings)) as sink:
-        before = images_in_memory()
+        count = images_in_memory()
         for shot in shots:
             sink.add(shot if transparent else shot[..., :3].copy())
-        assert images_in_memory() <= before + 1
+        assert images_in_memory() <= count + 1
         sink.finish()
     with Image.open(path) as video:
         assert video.info["loop"] == 0

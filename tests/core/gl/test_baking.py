@@ -94,15 +94,15 @@ def test_a_new_texture_changes_colours_alone_and_pixel_offsets_are_kept() -> Non
 
 def test_interpolated_prefiltered_values_of_a_parabola_are_unbiased() -> None:
     """Prefiltering changes neither a straight line nor values without neighbours."""
-    place = torch.arange(9.0)
-    values = torch.stack((place**2, 3 * place - 1), -1)
-    beside = torch.stack((torch.arange(9) - 1, torch.arange(9) + 1), -1)
-    beside[0] = 0
-    beside[-1] = 8
-    filtered = prefilter(values, torch.cat((beside, *[torch.arange(9)[:, None]] * 4), -1))
+    positions = torch.arange(9.0)
+    values = torch.stack((positions**2, 3 * positions - 1), -1)
+    neighbours = torch.stack((torch.arange(9) - 1, torch.arange(9) + 1), -1)
+    neighbours[0] = 0
+    neighbours[-1] = 8
+    filtered = prefilter(values, torch.cat((neighbours, *[torch.arange(9)[:, None]] * 4), -1))
     between = torch.linspace(1, 7, 6001, dtype=torch.double)
-    error = np.interp(between, place, filtered[:, 0]) - (between**2).numpy()
-    assert abs(error.mean()) < 1e-3 < 0.1 < np.interp(between, place, values[:, 0]).mean() - (between**2).mean()
+    error = np.interp(between, positions, filtered[:, 0]) - (between**2).numpy()
+    assert abs(error.mean()) < 1e-3 < 0.1 < np.interp(between, positions, values[:, 0]).mean() - (between**2).mean()
     torch.testing.assert_close(filtered[:, 1], values[:, 1])
     torch.testing.assert_close(filtered[[0, 8]], values[[0, 8]])
 
@@ -140,10 +140,10 @@ def test_colours_between_cameras_interpolate_a_smooth_function() -> None:
 def test_every_camera_has_a_baked_one_nearby() -> None:
     model = tiny_model()
     ring = [model.camera(turn, 0.3) for turn in np.linspace(0, 4 * math.pi, 144, endpoint=False)]
-    chosen = spread(ring)
-    assert len(chosen) == 16  # the second turn adds none
+    selected = spread(ring)
+    assert len(selected) == 16  # the second turn adds none
     assert spread(ring[:1]) == spread(ring[:1] * 3) == ring[:1]
     assert len(spread([ring[0], ring[2], ring[5]])) == 2
     for camera in ring:
-        distances = [math.dist(camera.pose()[:3, 3], baked_camera.pose()[:3, 3]) for baked_camera in chosen]
+        distances = [math.dist(camera.pose()[:3, 3], baked_camera.pose()[:3, 3]) for baked_camera in selected]
         assert min(distances) < MAX_TURN * camera.distance

@@ -122,15 +122,15 @@ def test_a_new_texture_on_a_cached_view_equals_a_full_render_and_moves_no_silhou
     renderer.clear_views()
     full = render(textured, camera, 96)
     renderer.clear_views()
-    before = render(MODEL[0], camera, 96)
+    first = render(MODEL[0], camera, 96)
     assert renderer.is_cached(textured, camera, 96)
     assert not renderer.is_cached(MODEL[1], camera, 96)
     assert not renderer.is_cached(textured, MODEL.camera(0.31, 0.2), 96)
     recoloured = render(textured, camera, 96)
     torch.testing.assert_close(recoloured.colour, full.colour, atol=0, rtol=0)
-    assert not torch.equal(before.colour, full.colour)
-    assert torch.equal(before.opacity, full.opacity)
-    assert torch.equal(before.depth, full.depth)
+    assert not torch.equal(first.colour, full.colour)
+    assert torch.equal(first.opacity, full.opacity)
+    assert torch.equal(first.depth, full.depth)
 
 
 def test_views_are_cached_within_the_limit_and_rendered_alike_without_room(monkeypatch: pytest.MonkeyPatch):

@@ -53,9 +53,9 @@ def test_darkness_is_the_fraction_of_the_sky_that_a_plate_hides(shadow: GroundSh
     """Light from a direction of zenith angle a weighs cos(a)^6: its integral over the plate, as seen from below."""
     height = 12 * SIDE * EXTENT[2]  # the slab from 8 to 16 layers
     x, y = (torch.arange(-32, 33) * SIDE * half for half in EXTENT[:2])
-    places = (torch.arange(256) + 0.5 - 128) * SIDE / 2
+    offsets = (torch.arange(256) + 0.5 - 128) * SIDE / 2
     for row, column in ((128, 128), (112, 144), (160, 132)):
-        square = (x[24:40, None] - EXTENT[0] * places[column]) ** 2 + (y[24:40] - EXTENT[1] * places[row]) ** 2
+        square = (x[24:40, None] - EXTENT[0] * offsets[column]) ** 2 + (y[24:40] - EXTENT[1] * offsets[row]) ** 2
         light = height**6 / (square + height**2) ** 4 * 3 / math.pi * (SIDE * EXTENT[0]) * (SIDE * EXTENT[1])
         assert shadow.darkness[row, column] == pytest.approx(255 * 0.7 * float(light.sum()), rel=0.05, abs=1)
     assert shadow.reach == (1.0, 0.8)

@@ -16,10 +16,10 @@ from tests.conftest import random_model
 def bundle(model: Model, objects: int, rays: int) -> Rays:
     """Rays of (objects, 2 views, rays) from all sides."""
     generator = torch.Generator().manual_seed(1)
-    places = torch.rand((objects, 2, rays, 2), generator=generator) * 0.3 - 0.15
+    pixels = torch.rand((objects, 2, rays, 2), generator=generator) * 0.3 - 0.15
     angles = torch.rand((objects, 2, 1), generator=generator)
     distance = torch.full((objects, 2, 1), model.distance)
-    return cast_rays(places, 6 * angles, angles, distance, 1.0, (0, 0), model.extent_tensor)
+    return cast_rays(pixels, 6 * angles, angles, distance, 1.0, (0, 0), model.extent_tensor)
 
 
 def biases(model: Model, objects: int) -> tuple[Tensor, Tensor]:
@@ -46,8 +46,8 @@ def test_opacity_is_exact_with_few_samples_and_rays_that_miss_are_white(model: M
     shape, texture = biases(model, 2)
     exact = render_rays(model, rays, 16, shape[:, None, None, None], texture[:, None, None, None])
     errors = []
-    for kept in (1, 4, 10):
-        colour, opacity = render_top_samples(model, rays, 16, kept, shape, texture).split((3, 1), -1)
+    for coloured in (1, 4, 10):
+        colour, opacity = render_top_samples(model, rays, 16, coloured, shape, texture).split((3, 1), -1)
         torch.testing.assert_close(opacity[..., 0], exact.opacity)
         errors.append(float((colour - exact.colour).abs().mean().detach()))
     assert errors[0] > errors[1] > errors[2]

@@ -41,10 +41,10 @@ def random_jacobians(model: Model, numbers: int) -> BiasJacobians:
     )
 
 
-def rendered(model: Model, kept: int = SAMPLES) -> tuple[Rays, BiasJacobians, RenderedJacobian]:
+def rendered(model: Model, coloured: int = SAMPLES) -> tuple[Rays, BiasJacobians, RenderedJacobian]:
     rays = bundle(model, OBJECTS, RAYS)
     moves = random_jacobians(model, 3)
-    return rays, moves, render_with_jacobian(model, rays, SAMPLES, kept, *biases(model), moves)
+    return rays, moves, render_with_jacobian(model, rays, SAMPLES, coloured, *biases(model), moves)
 
 
 def with_opacity(by_texture: Tensor) -> Tensor:

@@ -59,9 +59,9 @@ def test_the_weight_of_a_point_follows_from_its_distance_to_the_mask(tiny: Model
     assert 50 < int((weight == 0).sum()) < 350
 
 
-@pytest.mark.parametrize("beside", [0.0, 1.0, 3.0])
-def test_all_renderers_agree(tiny: Model, instance: Instance, camera: Camera, beside: float) -> None:
-    camera = replace(camera, azimuth=camera.azimuth + beside)
+@pytest.mark.parametrize("turn", [0.0, 1.0, 3.0])
+def test_all_renderers_agree(tiny: Model, instance: Instance, camera: Camera, turn: float) -> None:
+    camera = replace(camera, azimuth=camera.azimuth + turn)
     clear_cache()
     plain = render(instance.with_detail(None), camera, 192)
     fast = render(instance, camera, 192)
@@ -115,7 +115,7 @@ def test_the_mirrored_mask_bounds_symmetric_objects_alone(tiny: Model) -> None:
     """From the front, a square in the middle is symmetric; a square beside it shares no point with its mirror image."""
     front = Camera(math.pi / 2, 0.0, 2.0, 90.0, SIZE, SIZE)
     points = torch.tensor([[-0.35, 0.0, 0.0], [0.0, 0.0, 0.0], [0.35, 0.0, 0.0]])
-    for left, right, symmetry, kept in ((38, 58, 1, [0, 1, 0]), (56, 72, 0, [1, 0, 0]), (24, 40, 0, [0, 0, 1])):
+    for left, right, symmetry, inside in ((38, 58, 1, [0, 1, 0]), (56, 72, 0, [1, 0, 0]), (24, 40, 0, [0, 0, 1])):
         rgba = np.full((SIZE, SIZE, 4), 255, np.uint8)
         rgba[..., 3] = 0
         rgba[30:66, left:right, 3] = 255
@@ -124,7 +124,7 @@ def test_the_mirrored_mask_bounds_symmetric_objects_alone(tiny: Model) -> None:
         outline = bound(tiny[0].with_detail(detail))
         assert coherence(outline.silhouettes[0]) == pytest.approx(symmetry, abs=0.01)
         assert outline.mirrored == (bool(symmetry),)
-        assert (outline.factor(points) > 0).tolist() == kept
+        assert (outline.factor(points) > 0).tolist() == inside
 
 
 def test_points_behind_the_camera_are_finite(tiny: Model, instance: Instance) -> None:

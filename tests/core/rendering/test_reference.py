@@ -51,18 +51,20 @@ def test_gradients_of_rendered_rays_match_finite_differences(name: str, monkeypa
     pixels = 12 + 8 * torch.rand(6, 2, generator=generator, dtype=torch.float64)
     target = torch.rand(6, 3, generator=generator, dtype=torch.float64)
     extent = model.extent_tensor.double()
-    place = {"azimuth": 0.7, "elevation": 0.4, "distance": 2.0}
-    values = {key: torch.tensor(value, dtype=torch.float64) for key, value in place.items()}
+    pose = {"azimuth": 0.7, "elevation": 0.4, "distance": 2.0}
+    values = {key: torch.tensor(value, dtype=torch.float64) for key, value in pose.items()}
     values |= {"shape": model.codes[0].shape.double(), "texture": model.codes[0].texture.double()}
     with torch.no_grad():
-        fixed = cast_rays(pixels, *(values[key] for key in place), 32.8, (32, 32), extent)
+        fixed = cast_rays(pixels, *(values[key] for key in pose), 32.8, (32, 32), extent)
 
     def loss(changed: torch.Tensor) -> torch.Tensor:
-        now = values | {name: changed}
-        rays = cast_rays(pixels, *(now[key] for key in place), 32.8, (32, 32), extent)
+        inputs = values | {name: changed}
+        rays = cast_rays(pixels, *(inputs[key] for key in pose), 32.8, (32, 32), extent)
         # Depths of samples are constants: the gradient does not pass through the ends of rays.
         rays = replace(rays, near=fixed.near, far=fixed.far)
-        rendered = render_rays(model, rays, 12, field.shape_bias(now["shape"]), field.texture_bias(now["texture"]))
+        rendered = render_rays(
+            model, rays, 12, field.shape_bias(inputs["shape"]), field.texture_bias(inputs["texture"])
+        )
         return (rendered.colour - target).square().sum()
 
     assert float(fixed.far.sub(fixed.near).min()) > 0.1

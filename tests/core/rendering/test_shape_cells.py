@@ -21,10 +21,10 @@ def test_a_render_within_the_cells_of_its_shape_looks_the_same(name: str, seed: 
     cells = shape_cells(model, shape)
     assert bool((cells <= model.occupied_cells).all())
     assert float(cells.float().mean()) < 0.6 * float(model.occupied_cells.float().mean())
-    places = torch.rand((4, 1, 300, 2), generator=generator) * 0.4 - 0.2
+    pixels = torch.rand((4, 1, 300, 2), generator=generator) * 0.4 - 0.2
     angles = torch.rand((4, 1, 1), generator=generator)
     rays = cast_rays(
-        places, 6 * angles, angles, torch.full_like(angles, model.distance), 1.0, (0, 0), model.extent_tensor
+        pixels, 6 * angles, angles, torch.full_like(angles, model.distance), 1.0, (0, 0), model.extent_tensor
     )
     with torch.no_grad():
         full = render_top_samples(model, rays, 48, 12, shape, texture)
