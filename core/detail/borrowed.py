@@ -30,6 +30,7 @@ from core.models.photo_detail import MAX_PHOTOS
 from core.rendering.folded_layers import batch_density
 from core.rendering.images import render_steps
 from core.rendering.reference import Rendered
+from core.runtime.caches import Cached
 from core.runtime.modes import usual_settings
 from core.runtime.reading import open_image, reading
 
@@ -64,7 +65,7 @@ class Picture(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class BorrowedEnd:
+class BorrowedEnd(Cached):
     """A picture warped to the fitted object, with the surface it lies on. Not modified after creation."""
 
     camera: Camera
@@ -74,12 +75,6 @@ class BorrowedEnd:
     plain: Bool[Tensor, "h w"]  # places with paint
     surface: Float[Tensor, "4 h w"]  # as :attr:`core.detail.lookup.PhotoMaps.surface`
     texels: SurfaceTexels
-
-    @property
-    def size(self) -> int:
-        """bytes"""
-        images = (self.colour, self.paint, self.weight, self.plain, self.surface)
-        return sum(image.nbytes for image in images) + self.texels.size
 
     def maps(self, textured: Instance, match: ColourMatch) -> PhotoMaps:
         """Return the maps of the end in an object's texture, for the pass of mirror images only.
@@ -192,7 +187,8 @@ def _borrowed(
     solid = rendered.opacity > 0.5
     if any(bool(_touches(mask)) or not bool(mask.any()) for mask in (solid, picture.opacity > 0.5)):
         return None
-    coverage = _shown(photos, rendered, small)
+    shares = DetailMaps(tuple(photos)).added(rendered, small)[1]
+    coverage = (sum(shares) / rendered.opacity.clamp_min(1e-3)).clamp(0, 1)  # by photos and their mirror images
     if float(coverage[solid].mean()) > _MOSTLY:
         return None
     texels, parts = surface_texels(fitted, rays, rendered)
@@ -218,12 +214,6 @@ def _borrowed(
 def _touches(mask: Bool[Tensor, "h w"]) -> Bool[Tensor, ""]:
     """Return whether a mask reaches the border of its image."""
     return mask[0].any() | mask[-1].any() | mask[:, 0].any() | mask[:, -1].any()
-
-
-def _shown(photos: Sequence[PhotoMaps], rendered: Rendered, camera: Camera) -> Float[Tensor, "h w"]:
-    """Return the share of a render's colours from photos and their mirror images, 0..1."""
-    shares = DetailMaps(tuple(photos)).added(rendered, camera)[1]
-    return (sum(shares) / rendered.opacity.clamp_min(1e-3)).clamp(0, 1)
 
 
 def _warp(solid: Bool[Tensor, "h w"], glass: Float[Tensor, "h w"], picture: Picture) -> Float[Tensor, "height width 2"]:

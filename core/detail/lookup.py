@@ -22,6 +22,7 @@ from core.edits.edit import Edit
 from core.geometry.camera import Camera, Factors
 from core.models.photo_detail import OtherSide
 from core.rendering.reference import Rendered
+from core.runtime.caches import Cached
 
 DEPTH_NEAR, DEPTH_FAR = 0.012, 0.035
 """Depth test: scene units along the photo's ray between a point and the surface in the photo.
@@ -62,7 +63,7 @@ class Sources(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class PhotoMaps:
+class PhotoMaps(Cached):
     """Maps over the image of one photo's camera. Not modified after creation."""
 
     camera: Camera  # at any size: maps cover its whole image
@@ -71,12 +72,6 @@ class PhotoMaps:
     mirrored: tuple[Float[Tensor, "4 _ _"], ...]
     """:attr:`fine` for the mirror image: the same, or one with paint in place of lettering"""
     surface: Float[Tensor, "4 rows columns"]  # unit normal (world) and distance from the camera (scene units)
-
-    @property
-    def size(self) -> int:
-        """bytes"""
-        mirrored = () if self.mirrored is self.fine else self.mirrored
-        return sum(image.nbytes for image in (*self.fine, *mirrored, self.surface))
 
     def level(self, camera: Camera) -> int:
         """Return the level of the fine map whose pixels are as large on the object as a camera's."""

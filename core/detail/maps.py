@@ -33,7 +33,7 @@ from core.models.photo_detail import PhotoView
 from core.rendering.images import render_steps
 from core.rendering.outline import effective_strength
 from core.rendering.reference import Rendered
-from core.runtime.caches import CACHE, CacheKind
+from core.runtime.caches import CACHE, Cached, CacheKind
 
 SOURCE_SIZE = 256  # px across the render compared with the photo; lengths in px below refer to it
 _SAMPLES = 192
@@ -61,26 +61,17 @@ def detail_maps(instance: Instance) -> Generator[None, None, DetailMaps | None]:
     photos = yield from compared_photos(instance)
     ends = yield from _ends(instance, photos)
     key = tuple(photos), ends, instance.codes.texture_key
-    painted: tuple[tuple[PhotoMaps, ...], ColourMatch] | None = CACHE.get(CacheKind.DETAIL, key)
-    if painted is None:
-        yield None
-        with torch.inference_mode():
-            painted = _painted_maps(photos, ends, instance)
-        CACHE.put(CacheKind.DETAIL, key, painted, sum(photo.size for photo in painted[0]))
+    maps, match = yield from CACHE.kept(CacheKind.DETAIL, key, _painted_maps(photos, ends, instance))
     space = edits_to_fitted(instance), instance.codes.proportions
-    return DetailMaps(painted[0], strength, detail.other_side, painted[1], *space, len(ends))
+    return DetailMaps(maps, strength, detail.other_side, match, *space, len(ends))
 
 
 def _ends(instance: Instance, photos: list["ComparedPhoto"]) -> Generator[None, None, tuple[BorrowedEnd, ...]]:
     """Return the ends borrowed from a training object, for the mirrored side only; cached."""
     if instance.detail is None or instance.detail.other_side != "mirrored":
         return ()
-    key = "ends", *photos
-    ends: tuple[BorrowedEnd, ...] | None = CACHE.get(CacheKind.DETAIL, key)
-    if ends is None:
-        ends = yield from borrowed_ends(instance.fitted, [photo.coverage for photo in photos])
-        CACHE.put(CacheKind.DETAIL, key, ends, sum(end.size for end in ends))
-    return ends
+    ends = borrowed_ends(instance.fitted, [photo.coverage for photo in photos])
+    return (yield from CACHE.kept(CacheKind.DETAIL, ("ends", *photos), ends))
 
 
 def compared_photos(instance: Instance) -> Generator[None, None, list["ComparedPhoto"]]:
@@ -89,16 +80,12 @@ def compared_photos(instance: Instance) -> Generator[None, None, list["ComparedP
     fitted = instance.fitted
     for view in instance.detail.views if instance.detail else ():
         key = fitted.model, fitted, view
-        photo: ComparedPhoto | None = CACHE.get(CacheKind.DETAIL, key)
-        if photo is None:
-            photo = yield from compare_photo(fitted, view)
-            CACHE.put(CacheKind.DETAIL, key, photo, photo.size)
-        photos.append(photo)
+        photos.append((yield from CACHE.kept(CacheKind.DETAIL, key, compare_photo(fitted, view))))
     return photos
 
 
 @dataclass(frozen=True, eq=False)
-class ComparedPhoto:
+class ComparedPhoto(Cached):
     """A photo and the render of the codes fitted to it, from the photo's camera. Not modified after creation."""
 
     camera: Camera  # at the size of the render
@@ -154,12 +141,6 @@ class ComparedPhoto:
             below = torch.lerp(below, painted, paint.share * paint.membership_in_photo(shares))
         return below
 
-    @property
-    def size(self) -> int:
-        """bytes"""
-        maps = (value for value in (*vars(self).values(), *self.paints) if isinstance(value, Tensor))
-        return sum(image.nbytes for image in maps) + self.texels.size
-
 
 def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, ComparedPhoto]:
     """Render the fitted object from a photo's camera and weight the photo; yields None many times."""
@@ -188,7 +169,8 @@ def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, Co
         near = not_erased * smooth_step(distance(mask < 0.5), _REACH, 0.5)
         match = colour_match(render.flatten(1), small.flatten(1), weight.flatten())
         roof = smooth_step(normals[..., 2], *_UPWARD) * (1 - parts.get("glass", torch.ones_like(mask)))
-        weight = weight * _without_glass_above(small, render, roof)
+        # Where the photo is darker than a roof or bonnet, a small error of shape displaces the glass.
+        weight = weight * (1 - roof * smooth_step(lightness(render) - lightness(small), *_DARKER))
         everywhere = {name: continued(part[None], texels.pixel)[0] for name, part in parts.items()}
         paints = photo_paints(photo, with_lamps(everywhere, small, normals), weight)
         body = paints.on_body(weight) & (weight > _TRUSTED)
@@ -196,32 +178,27 @@ def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, Co
     return ComparedPhoto(camera, fitted, photo, render, weight, near, paints, letters, surface, texels, match)
 
 
-def _without_glass_above(
-    photo: Float[Tensor, "3 h w"], render: Float[Tensor, "3 h w"], roof: Float[Tensor, "h w"]
-) -> Float[Tensor, "h w"]:
-    """Return 0 where the photo is darker than a roof or bonnet: glass, displaced by a small error of shape."""
-    return 1 - roof * smooth_step(lightness(render) - lightness(photo), *_DARKER)
-
-
 def _painted_maps(
     photos: Sequence[ComparedPhoto], ends: Sequence[BorrowedEnd], textured: Instance
-) -> tuple[tuple[PhotoMaps, ...], ColourMatch]:
-    """Return the maps of photos and borrowed ends in a texture, and its match to the photos."""
+) -> Generator[None, None, tuple[tuple[PhotoMaps, ...], ColourMatch]]:
+    """Return the maps of photos and borrowed ends in a texture, and its match to the photos; yields None once."""
     maps = []
     colours = []
     paints = []
     weights = []
-    for compared in photos:
-        change = compared.change(textured)
-        photo = compared.painted(textured)
-        weight, near = enlarged(torch.stack((compared.weight, compared.near)), photo)
-        fine = torch.cat((photo, packed(weight, near)[None]))
-        maps.append(_photo_maps(compared, fine, textured.model.device))
-        colours.append((compared.render + change).flatten(1))
-        paints.append(resized(photo, compared.weight).flatten(1))
-        weights.append(compared.weight.flatten())
-    match = colour_match(torch.cat(colours, 1), torch.cat(paints, 1), torch.cat(weights))
-    return (*maps, *(end.maps(textured, match) for end in ends)), match
+    yield None
+    with torch.inference_mode():
+        for compared in photos:
+            change = compared.change(textured)
+            photo = compared.painted(textured)
+            weight, near = enlarged(torch.stack((compared.weight, compared.near)), photo)
+            fine = torch.cat((photo, packed(weight, near)[None]))
+            maps.append(_photo_maps(compared, fine, textured.model.device))
+            colours.append((compared.render + change).flatten(1))
+            paints.append(resized(photo, compared.weight).flatten(1))
+            weights.append(compared.weight.flatten())
+        match = colour_match(torch.cat(colours, 1), torch.cat(paints, 1), torch.cat(weights))
+        return (*maps, *(end.maps(textured, match) for end in ends)), match
 
 
 def _photo_maps(compared: ComparedPhoto, fine: Float[Tensor, "4 height width"], device: torch.device) -> PhotoMaps:

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -128,21 +127,16 @@ def render_reference(instance: Instance, camera: Camera) -> Rendered:
     return rendered if maps is None else maps.added(rendered, instance.local_camera(camera))[0]
 
 
-class _Stage(NamedTuple):
-    """One render of the stream: arguments of :func:`core.rendering.images.render_steps`."""
+def _stages(job: RenderJob) -> list[tuple[Camera, int, bool]]:
+    """Return the stages from coarse to fine: arguments of :func:`core.rendering.images.render_steps`.
 
-    camera: Camera
-    samples: int
-    complete: bool
-
-
-def _stages(job: RenderJob) -> list[_Stage]:
-    """Return the stages from coarse to fine; only the last one needs the complete occupancy of a new shape."""
+    Only the last stage needs the complete occupancy of a new shape.
+    """
     settings = job.settings
-    stages = list[_Stage]()
+    stages = []
     for number, divisor in enumerate(settings.divisors, 1):
         last = number == len(settings.divisors)
         samples = settings.samples if last else settings.preview_samples
         camera = job.camera.resized(max(1, job.camera.width // divisor), max(1, job.camera.height // divisor))
-        stages.append(_Stage(camera, samples, last))
+        stages.append((camera, samples, last))
     return stages

@@ -25,11 +25,6 @@ class SurfaceTexels(NamedTuple):
     features: Float[Tensor, "pixels width"]
     directions: Float[Tensor, "pixels 3"]  # unit viewing directions
 
-    @property
-    def size(self) -> int:
-        """bytes"""
-        return sum(tensor.nbytes for tensor in self)
-
     def colours(self, instance: Instance) -> Float[Tensor, "3 h w"]:
         """Return the colours of the surface in an object's texture, extrapolated beyond the opaque pixels."""
         folded = FoldedField.of(instance)

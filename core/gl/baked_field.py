@@ -15,6 +15,7 @@ from core.detail.lookup import DetailMaps
 from core.geometry.camera import Factors
 from core.models.field_config import FieldConfig
 from core.rendering.ground_shadow import GroundShadow
+from core.runtime.caches import Cached
 
 LOGITS = -8.0, 24.0  # logits that bytes 0 and 255 stand for; -8 is a density of 0.01 per scene unit
 STEPS_PER_TEXEL = 1.5  # samples of a ray; crisp densities lose 3 dB with 0.7, and more adds nothing
@@ -23,7 +24,7 @@ _MAX_DISTANCE = 8  # largest distance stored, so the most cells that a ray skips
 
 
 @dataclass(frozen=True, eq=False)
-class BakedField:
+class BakedField(Cached):
     """Colour and density at the corners of a grid, and its occupied cells. Not modified after creation."""
 
     texels: UInt8[np.ndarray, "x y z 4"]

@@ -28,7 +28,7 @@ from core.models.model import Instance, Model
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS, Occupancy, shape_occupancy
 from core.rendering.outline import outline
-from core.runtime.caches import CACHE, CacheKind
+from core.runtime.caches import CACHE, Cached, CacheKind, byte_count
 from core.runtime.pool import map_pieces
 
 _DIVISIONS = (1, 2)  # texels along each edge of an occupied cell, from coarse to fine
@@ -66,18 +66,13 @@ def box_of(occupied: Bool[Tensor, "x y z"], cells: int) -> Box:
 
 
 @dataclass(frozen=True, eq=False)
-class BakedShape:
+class BakedShape(Cached):
     """The baked values of an object that depend on neither texture nor camera."""
 
     field: BakedField  # without colours
     corners: Int[Tensor, "visible 3"]  # at the surface, so potentially visible; relative to the box's first corner
     points: Float[Tensor, "visible 3"]  # where colours are evaluated: the corner moved to the surface if that is near
     features: Float[Tensor, "visible width"]  # input of the colour (density), at the points
-
-    @property
-    def size(self) -> int:
-        """bytes"""
-        return self.field.texels.nbytes + self.corners.nbytes + self.points.nbytes + self.features.nbytes
 
     def coloured(self, colours: Float[Tensor, "visible 3"]) -> BakedField:
         """Return the field with these colours."""
@@ -178,8 +173,9 @@ def bake_views(instance: Instance, cameras: Sequence[Camera], cells: int) -> Gen
     shape: BakedShape | None = CACHE.get(CacheKind.VIEW, key)
     if shape is None:
         shape = yield from _bake_shape(instance.model, folded, occupancy, cells)
-        if shape.size <= CACHE.limit - CACHE.used:
-            CACHE.put(CacheKind.VIEW, key, shape, shape.size)
+        size = byte_count(shape)
+        if size <= CACHE.limit - CACHE.used:
+            CACHE.put(CacheKind.VIEW, key, shape, size)
     cameras = spread([instance.local_camera(camera) for camera in cameras])
     colours = list[Float[Tensor, "cameras block 3"]]()
     evaluate = partial(_colours, folded, shape, cameras)

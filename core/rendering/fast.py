@@ -5,13 +5,13 @@ depend on the texture and are cached: a new texture runs only the second pass, w
 the occupied cells.
 """
 
-from collections.abc import Callable, Generator, Hashable, Iterator, Sequence
+from collections.abc import Callable, Generator, Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from core.geometry.camera import Camera
@@ -21,7 +21,7 @@ from core.rendering.folded_field import FoldedField, clear_folded
 from core.rendering.occupancy import Occupancy, Tolerances, shape_occupancy, tolerances
 from core.rendering.outline import Outline, outline
 from core.rendering.reference import Rendered
-from core.runtime.caches import CACHE, CacheKind
+from core.runtime.caches import CACHE, Cached, CacheKind, byte_count
 from core.runtime.layers import pad_rows
 from core.runtime.pool import map_pieces
 from core.streams import run_to_end
@@ -52,7 +52,8 @@ def render_steps(
         shaded = map_pieces(lambda rays: shade(visible(rays)), slices)
     else:
         shaded = map_pieces(shade, cached)
-    image = _blank(camera, instance.model.device)
+    depth, opacity = torch.zeros(2, camera.height * camera.width, device=folded.device)
+    image = torch.ones(len(depth), 3, device=folded.device), depth, opacity, torch.zeros_like(depth, dtype=torch.long)
     chunks = list[Chunk]()
     keep = cached is None
     size = 0
@@ -61,7 +62,7 @@ def render_steps(
         with torch.inference_mode():
             for channel, values in zip(image, (colour, chunk.depth, chunk.opacity, chunk.evaluations), strict=True):
                 channel[chunk.pixel] = values
-        size += chunk.size
+        size += byte_count(chunk)
         done += chunk.fraction
         # Visibility is buffered until the view is complete; skip buffering if it would exceed the cache.
         keep = keep and CACHE.make_room(CacheKind.VIEW, round(size / done))
@@ -78,7 +79,7 @@ def render(instance: Instance, camera: Camera, samples: int, complete: bool = Tr
 
 
 @dataclass(frozen=True, eq=False)
-class Chunk:
+class Chunk(Cached):
     """A shape as seen by some rays: depth, opacity and the intervals to colour."""
 
     pixel: Int[Tensor, "rays"]  # index of each ray's pixel, row by row
@@ -90,11 +91,6 @@ class Chunk:
     weight: Float[Tensor, "visible"]  # fraction of its ray's light
     features: Float[Tensor, "visible width"]  # input of the texture part
     fraction: float  # the chunk's fraction of the view's rays, including empty ones
-
-    @property
-    def size(self) -> int:
-        """bytes"""
-        return sum(value.nbytes for value in vars(self).values() if isinstance(value, Tensor))
 
 
 class VisibilityKey(NamedTuple):
@@ -145,27 +141,16 @@ def _visibility(
 
     def visible(piece: slice) -> Chunk:
         with torch.inference_mode():
-            rays = _rays(view, occupancy, pixel[piece], first[piece], last[piece])
-            fraction = len(pixel[piece]) / len(pixel)
-            return _chunk(folded, occupancy, pixel[piece], rays, step, limits, fraction)
+            index = pixel[piece]
+            centres = torch.stack((index % view.camera.width, index // view.camera.width), -1) + 0.5
+            rays = rays_at_pixels(centres - view.model.pixel_offset, view.camera, occupancy.extent)
+            # Rays are limited to the first and the last occupied cell behind their pixel.
+            near = torch.maximum(rays.near, first[piece])
+            rays = replace(rays, near=near, far=torch.maximum(near, torch.minimum(rays.far, last[piece])))
+            return _chunk(folded, occupancy, index, rays, step, limits, len(index) / len(pixel))
 
     size = max(1, min(CHUNK_RAYS, -(-len(pixel) // 2)))  # of a small image, two threads take a half each
     return visible, [slice(start, start + size) for start in range(0, len(pixel), size)]
-
-
-def _rays(
-    view: VisibilityKey,
-    occupancy: Occupancy,
-    pixel: Int[Tensor, "rays"],
-    first: Float[Tensor, "rays"],
-    last: Float[Tensor, "rays"],
-) -> Rays:
-    """Return the rays of pixels, limited to the first and last occupied cell behind each."""
-    width = view.camera.width
-    centres = torch.stack((pixel % width, pixel // width), -1) + 0.5
-    rays = rays_at_pixels(centres - view.model.pixel_offset, view.camera, occupancy.extent)
-    near = torch.maximum(rays.near, first)
-    return replace(rays, near=near, far=torch.maximum(near, torch.minimum(rays.far, last)))
 
 
 def _chunk(
@@ -189,8 +174,10 @@ def _chunk(
     slot = ray * thickness.shape[1] + rank
     evaluated = list[Int[Tensor, "block"]]()
     activations = list[Float[Tensor, "block width"]]()
-    for index in _evaluation_rounds(ray, occupied.occluded, thickness, tolerances.termination):
-        for block in index.split(_BLOCK):
+    # Intervals that are probably visible, then those behind the object, of rays that are not yet opaque.
+    for occluded in (False, True):
+        alive = thickness.sum(-1) < tolerances.termination
+        for block in ((occupied.occluded == occluded) & alive[ray]).nonzero()[:, 0].split(_BLOCK):
             density, features = folded.density(pad_rows(points.index_select(0, block)))
             thickness.view(-1).index_copy_(0, slot.index_select(0, block), density[: len(block)] * step)
             evaluated.append(block)
@@ -210,24 +197,6 @@ def _chunk(
     return Chunk(pixel, rays.directions, depth * (opacity > 0), opacity, evaluations, ray, weight, features, fraction)
 
 
-def _evaluation_rounds(
-    ray: Int[Tensor, "crossed"],
-    occluded: Bool[Tensor, "crossed"],
-    thickness: Float[Tensor, "rays ranks"],
-    termination: float,
-) -> Iterator[Int[Tensor, "intervals"]]:
-    """Yield intervals to evaluate: visible ones, then the occluded ones of rays that are not yet opaque.
-
-    The caller fills ``thickness`` in between.
-
-    Args:
-        ray, occluded: ray of each interval, and whether the interval probably lies behind the object.
-    """
-    yield (~occluded).nonzero()[:, 0]
-    alive = thickness.sum(-1) < termination
-    yield (occluded & alive[ray]).nonzero()[:, 0]
-
-
 @torch.inference_mode()
 def _shade(folded: FoldedField, chunk: Chunk) -> tuple[Chunk, Float[Tensor, "rays 3"]]:
     """Return a chunk and the colours of its rays, on white."""
@@ -242,9 +211,3 @@ def _shade(folded: FoldedField, chunk: Chunk) -> tuple[Chunk, Float[Tensor, "ray
     # Rays without a coloured interval count as white.
     mean = torch.where(total > 0, mixed / total.clamp_min(1e-9), 1.0)
     return chunk, torch.lerp(torch.ones_like(mean), mean, chunk.opacity[:, None])
-
-
-def _blank(camera: Camera, device: torch.device) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Return the values of :class:`Rendered` for pixels without an object, row by row."""
-    depth, opacity = torch.zeros(2, camera.height * camera.width, device=device)
-    return torch.ones(len(depth), 3, device=device), depth, opacity, torch.zeros_like(depth, dtype=torch.long)

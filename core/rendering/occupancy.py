@@ -7,7 +7,8 @@ one of these is occupied.
 """
 
 import math
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from core.models.occupied_cells import CELLS as STORED_CELLS
 from core.rendering.folded_field import FoldedField
 from core.rendering.ground_shadow import cast_shadow
 from core.rendering.splatting import splat
-from core.runtime.caches import CACHE, CacheKind
+from core.runtime.caches import CACHE, Cached, CacheKind, byte_count
 from core.runtime.layers import pad_rows
 from core.runtime.pool import map_pieces
 
@@ -75,7 +76,7 @@ class OccupiedIntervals(NamedTuple):
     occluded: Bool[Tensor, "crossed"]  # the minimum densities of the cells in front already absorb all relevant light
 
 
-class Occupancy:
+class Occupancy(Cached):
     """The occupied cells of one shape (``cells``, 64 along each axis), and its shadow on the ground (``shadow``).
 
     Args:
@@ -120,13 +121,11 @@ class Occupancy:
         grid = _corners(model, folded.dtype)
         if previous is None:
             return cls(model, without_pieces(_complete_densities(folded, grid, _limit(model)), model))
-        rows = (previous._around() | grid.sparse).index_select(0, grid.corner).nonzero()[:, 0]
-        return cls(model, without_pieces(_densities_at(folded, grid, rows), model), complete=False)
-
-    @property
-    def size(self) -> int:
-        """bytes"""
-        return sum(value.nbytes for value in vars(self).values() if isinstance(value, Tensor))
+        # Corners of the cells of the similar shape and of all cells that touch them, and a few of all others.
+        nearby = corners_of(with_neighbours(previous.cells)).flatten() | grid.sparse
+        rows = nearby.index_select(0, grid.corner).nonzero()[:, 0]
+        densities = _densities_at(folded, rows, grid.corner[rows], partial(grid.activations.index_select, 0))
+        return cls(model, without_pieces(densities, model), complete=False)
 
     @torch.inference_mode()
     def moved(self, edit: Edit, folded: FoldedField) -> "Occupancy":
@@ -159,9 +158,11 @@ class Occupancy:
             min_density = torch.stack([min_density.index_select(axis, step) for step in steps]).amin(0)
         return Occupancy(self._model, densities, self.complete, cells, min_density)
 
-    def _around(self) -> Bool[Tensor, "all"]:
-        """Mark the corners of occupied cells and of all cells that touch them."""
-        return corners_of(with_neighbours(self.cells)).flatten()
+    def points_in(self, cells: Int[Tensor, "cells 3"], per_side: int) -> Float[Tensor, "points 3"]:
+        """Return evenly spaced points in cells (scene units), ``per_side`` along each side of a cell."""
+        steps = (torch.arange(per_side, device=cells.device) + 0.5) / per_side
+        within = torch.cartesian_prod(steps, steps, steps)
+        return ((cells[:, None] + within) * self.cell - self.extent).flatten(0, 1)
 
     def contains(self, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
         """Mark the points of the box that lie in an occupied cell."""
@@ -180,8 +181,10 @@ class Occupancy:
         interval = occupied - ray * (len(cell) // len(rays.near))
         thickness = self._min_density.index_select(0, cell.index_select(0, occupied)).float() * step
         counts = torch.bincount(ray)
-        occluded = _cumulative_per_ray(thickness, counts.cumsum(0) - counts, ray) - thickness > termination
-        return OccupiedIntervals(ray, interval, occluded)
+        total = thickness.cumsum(0, dtype=torch.double)
+        before_rays = functional.pad(total, (1, 0)).index_select(0, counts.cumsum(0) - counts)
+        depth = (total - before_rays.index_select(0, ray)).float() - thickness  # optical depth of the cells in front
+        return OccupiedIntervals(ray, interval, depth > termination)
 
     def _cells_along(self, rays: Rays, step: float) -> tuple[Int[Tensor, "all"], Bool[Tensor, "all"]]:
         """Return the cell at the middle of each interval, ray by ray, and True if that lies before ``rays.far``."""
@@ -241,7 +244,7 @@ def _occupancy(instance: Instance, edits: tuple[Edit, ...], complete: bool) -> O
         else:
             previous = None if complete else _similar_occupancy(instance)
             occupancy = Occupancy.of(instance.model, FoldedField.of(unmoved), previous)
-        CACHE.put(CacheKind.SHAPE, key, occupancy, occupancy.size)
+        CACHE.put(CacheKind.SHAPE, key, occupancy, byte_count(occupancy))
     return occupancy
 
 
@@ -263,15 +266,6 @@ def _bias_offsets(model: Model, latents: Latents) -> Float[Tensor, "*blocks_widt
     """Return the offsets of the shape blocks' biases, standard deviations; along with these, a network changes."""
     offsets = latents.shape_offsets
     return torch.zeros(()) if offsets is None else offsets[: model.field.config.shape_blocks].float()
-
-
-def _cumulative_per_ray(
-    values: Float[Tensor, "crossed"], first: Int[Tensor, "rays"], ray: Int[Tensor, "crossed"]
-) -> Float[Tensor, "crossed"]:
-    """Return inclusive cumulative sums along each ray, whose intervals begin at index ``first``."""
-    total = values.cumsum(0, dtype=torch.double)
-    total_before = functional.pad(total, (1, 0)).index_select(0, first)
-    return (total - total_before.index_select(0, ray)).float()
 
 
 class _Corners(NamedTuple):
@@ -323,37 +317,39 @@ def without_pieces(
 def _moved_densities(folded: FoldedField, unmoved: Occupancy, edit: Edit) -> Float[Tensor, "corners corners corners"]:
     """Return densities at corners of the cells that an edit leads to an occupied cell or beside one; 0 elsewhere."""
     indices = torch.cartesian_prod(*[torch.arange(CELLS, device=unmoved.cell.device)] * 3)
-    origins = edit.origins((indices + 0.5) * unmoved.cell - unmoved.extent)
+    origins = edit.origins(unmoved.points_in(indices, 1))
     cells = contains(with_neighbours(unmoved.cells)[None], origins[None], unmoved.extent).view_as(unmoved.cells)
     rows = corners_of(cells).flatten().nonzero()[:, 0]
     points = corner_points(unmoved.extent, CELLS)
-    densities = torch.zeros(len(points), device=rows.device)
-
-    def evaluate(block: Int[Tensor, "block"]) -> Float[Tensor, "block"]:
-        activations = folded.first_layer(points.index_select(0, pad_rows(block)))
-        return folded.unbounded_density(activations)[0][: len(block)]
-
-    densities[rows] = torch.cat(list(map_pieces(evaluate, rows.split(_BLOCK))))
-    return densities.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
+    return _densities_at(folded, rows, rows, lambda block: folded.first_layer(points.index_select(0, block)))
 
 
 def _densities_at(
-    folded: FoldedField, grid: _Corners, rows: Int[Tensor, "rows"]
+    folded: FoldedField,
+    rows: Int[Tensor, "rows"],
+    corners: Int[Tensor, "rows"],
+    activations: Callable[[Int[Tensor, "block"]], Float[Tensor, "block width"]],
 ) -> Float[Tensor, "corners corners corners"]:
-    """Return densities at the corners ``grid.corner[rows]``; 0 at the others."""
-    densities = torch.zeros(len(grid.corner), device=rows.device)
+    """Return densities at corners, given as indices row by row; 0 at the others.
+
+    Args:
+        rows: of the corners, arguments of ``activations``, which returns outputs of the first layer.
+    """
 
     def evaluate(block: Int[Tensor, "block"]) -> Float[Tensor, "block"]:
-        return folded.unbounded_density(grid.activations.index_select(0, pad_rows(block)))[0][: len(block)]
+        return folded.unbounded_density(activations(pad_rows(block)))[0][: len(block)]
 
-    densities[grid.corner[rows]] = torch.cat(list(map_pieces(evaluate, rows.split(_BLOCK))))
+    densities = torch.zeros((CELLS + 1) ** 3, device=rows.device)
+    densities[corners] = torch.cat(list(map_pieces(evaluate, rows.split(_BLOCK))))
     return densities.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
 
 
 @lru_cache(maxsize=1)  # 53 MB, and a fraction of a second
 def _corners(model: Model, dtype: torch.dtype) -> _Corners:
     """Return a model's corners and their activations in a number format."""
-    likely = _likely_corners(model)
+    likely = torch.ones((CELLS + 1,) * 3, dtype=torch.bool, device=model.device)
+    if model.stored_cells is not None:  # those of training objects
+        likely = corners_of(divide(model.stored_cells.to(model.device), CELLS // STORED_CELLS))
     second = torch.zeros_like(likely)
     second[::2, ::2, ::2] = True
     fourth = torch.zeros_like(likely)
@@ -367,10 +363,3 @@ def _corners(model: Model, dtype: torch.dtype) -> _Corners:
         activations = torch.cat([folded.first_layer(block) for block in points.split(_BLOCK)])
     sparse = torch.where(likely, second, fourth).flatten()
     return _Corners(corner, activations, int((turn == 0).sum()), int((turn < 2).sum()), sparse)
-
-
-def _likely_corners(model: Model) -> Bool[Tensor, "corners corners corners"]:
-    """Mark the corners of the cells of training objects; all if the model's file has no such cells."""
-    if model.stored_cells is None:
-        return torch.ones((CELLS + 1,) * 3, dtype=torch.bool, device=model.device)
-    return corners_of(divide(model.stored_cells.to(model.device), CELLS // STORED_CELLS))

@@ -5,10 +5,12 @@ is in bytes.
 """
 
 from collections import OrderedDict
-from collections.abc import Hashable
+from collections.abc import Generator, Hashable
 from enum import IntEnum
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
+
+_Value = TypeVar("_Value")
 
 LIMIT = 192 * 2**20  # bytes of all kinds together
 
@@ -27,6 +29,22 @@ class CacheKind(IntEnum):
 
 _MOST = {CacheKind.VIEW: 1.0, CacheKind.SHAPE: 3 / 4, CacheKind.DETAIL: 2 / 3}
 """Fraction of the limit that a kind and the later ones may fill: many shapes leave room for views."""
+
+
+class Cached:
+    """A value whose fields the cache counts."""
+
+
+def byte_count(value: Any) -> int:
+    """Return the bytes of the arrays in a value: itself, in tuples and lists, and in fields of :class:`Cached` values.
+
+    An entry or field that occurs twice counts once.
+    """
+    if isinstance(value, Cached):
+        return byte_count([*vars(value).values()])
+    if isinstance(value, tuple | list):
+        return sum(map(byte_count, {id(entry): entry for entry in value}.values()))
+    return getattr(value, "nbytes", 0)
 
 
 class _Entry(NamedTuple):
@@ -75,6 +93,16 @@ class ByteCache:
             if size <= self._room(kind):
                 self._make_room(kind, size)
                 self._entries[kind][key] = _Entry(value, size)
+
+    def kept(
+        self, kind: CacheKind, key: Hashable, stream: Generator[None, None, _Value]
+    ) -> Generator[None, None, _Value]:
+        """Return a stored value, or the result of a stream, which is stored; yields as often as the stream."""
+        value: _Value | None = self.get(kind, key)
+        if value is None:
+            value = yield from stream
+            self.put(kind, key, value, byte_count(value))
+        return value
 
     def make_room(self, kind: CacheKind, size: int) -> bool:
         """Evict until a value of ``size`` bytes fits, before computing it.

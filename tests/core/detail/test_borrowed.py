@@ -9,8 +9,8 @@ import torch
 from PIL import Image
 
 from core.detail import borrowed
-from core.detail.borrowed import ENDS, FOLDER, SIDE, borrowed_ends, end_camera, most_similar, pictured, read_pictures
-from core.detail.maps import compared_photos, detail_maps
+from core.detail.borrowed import ENDS, FOLDER, SIDE, end_camera, most_similar, pictured, read_pictures
+from core.detail.maps import detail_maps
 from core.detail.progressive import render_frame
 from core.geometry.pixels import to_bytes
 from core.gl.baking import bake
@@ -66,14 +66,6 @@ def test_the_end_that_no_photo_shows_is_borrowed(model: Model, instance: Instanc
     assert torch.allclose(sources.mirrored, sources_without_ends.mirrored, atol=1e-5), (
         "borrowed colours count as the model's"
     )
-
-
-def test_the_bytes_of_cached_ends_and_photos_are_counted(instance: Instance) -> None:
-    photos = run_to_end(compared_photos(instance))
-    ends = run_to_end(borrowed_ends(instance.fitted, [photo.coverage for photo in photos]))
-    for cached in (*photos, *ends):
-        values = [*vars(cached).values(), *cached.texels, *getattr(cached, "paints", ())]
-        assert cached.size == sum(value.nbytes for value in values if isinstance(value, torch.Tensor))
 
 
 def test_the_photos_own_view_stays(model: Model, instance: Instance) -> None:

@@ -20,7 +20,7 @@ from core.rendering.folded_field import FoldedField
 from core.rendering.folded_layers import AxisLookup
 from core.rendering.occupancy import Occupancy, OccupiedIntervals, tolerances
 from core.rendering.reference import render_exact, render_rays
-from core.runtime.caches import CACHE, CacheKind
+from core.runtime.caches import CACHE, CacheKind, byte_count
 from core.runtime.precision import use_dtype
 from tests.conftest import random_model, with_contrast
 from tests.core.tiny import tiny_model
@@ -137,7 +137,7 @@ def test_views_are_cached_within_the_limit_and_rendered_alike_without_room(monke
     renderer.clear_cache()
     camera = MODEL.camera(0.3, 0.2).resized(64, 64)
     render(MODEL[0], camera, 96)
-    view = CACHE.used - sum(occupancy.size for _, occupancy in CACHE.newest(CacheKind.SHAPE))
+    view = CACHE.used - sum(byte_count(occupancy) for _, occupancy in CACHE.newest(CacheKind.SHAPE))
     monkeypatch.setattr(CACHE, "limit", CACHE.used + view // 2)
     for turn in range(10):
         render(MODEL[0], replace(camera, azimuth=0.1 * turn), 96)

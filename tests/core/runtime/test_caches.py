@@ -1,9 +1,14 @@
 """The cache stays below its limit and evicts the values that are cheapest to recompute first."""
 
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.runtime.caches import ByteCache, CacheKind
+from core.runtime.caches import ByteCache, Cached, CacheKind, byte_count
+from core.streams import run_to_end
 
 puts = st.lists(st.tuples(st.sampled_from(list(CacheKind)), st.integers(0, 9), st.integers(0, 130)), max_size=40)
 
@@ -36,6 +41,29 @@ def test_make_room_evicts_until_the_value_fits(puts: list[tuple[CacheKind, int, 
             assert cache.used <= 60
         else:
             assert cache.used == used and stored(cache, CacheKind.SHAPE) > 60
+
+
+@dataclass
+class Holder(Cached):
+    arrays: tuple[np.ndarray, ...]
+    field: object
+
+
+def test_bytes_of_arrays_in_fields_are_counted_once():
+    array = np.zeros(10, np.uint8)
+    assert byte_count(Holder((array, array), Holder((), array))) == 20
+    assert byte_count([(array,), "no array", Holder((array[:3],), object())]) == 13
+
+
+def test_the_result_of_a_stream_is_kept():
+    def stream() -> Generator[None, None, np.ndarray]:
+        yield None
+        return np.zeros(30, np.uint8)
+
+    cache = ByteCache(100)
+    first = run_to_end(cache.kept(CacheKind.VIEW, "a", stream()))
+    assert run_to_end(cache.kept(CacheKind.VIEW, "a", stream())) is first
+    assert list(cache.kept(CacheKind.VIEW, "a", stream())) == [] and cache.used == 30
 
 
 def test_many_shapes_leave_a_quarter_to_views():
