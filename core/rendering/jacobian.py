@@ -5,7 +5,7 @@ of all channels propagate together; autograd would need a pass for each. They ar
 the field's biases to the estimated coordinates of the codes.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import torch
@@ -19,7 +19,7 @@ from core.models.density import density_derivative
 from core.models.field import encode
 from core.models.model import Model
 from core.rendering.compositing import compositing_weights
-from core.rendering.folded_layers import batch_density, field_weights
+from core.rendering.folded_layers import FieldWeights, batch_density, field_weights
 from core.rendering.importance import MIN_WEIGHT, largest_weights
 from core.rendering.reference import sample_intervals
 from core.runtime.layers import chunk_points, linear_relu, relu_, relu_backward_
@@ -69,70 +69,53 @@ def render_with_jacobian(
     top = largest_weights(sample_weights, coloured, MIN_WEIGHT).sort().values
     ray = top // samples
     objects = torch.arange(len(points), device=top.device)[:, None]
-    chosen_points = points[objects, top]
+    top_points = points[objects, top]
     directions = rays.directions.flatten(1, 2)[objects, ray]
-    chunks = list(_chunks(top.shape, chunk_points(matmul_dtype(model.device.type))))
-    activations, colours = _forward_chunks(model, chosen_points, directions, shape_bias, texture_bias, chunks)
-    composited = _composite(colours, sample_weights, transmittance, top)
+    weights = field_weights(model, matmul_dtype(model.device.type))
+    chunks = list(_chunks(top.shape, chunk_points(weights.features.dtype)))
+    colours = torch.empty_like(top_points)
+    activations = []
+    for chunk in chunks:
+        biases = shape_bias[chunk[0]], texture_bias[chunk[0]]
+        forward, colours[chunk] = _forward(model, weights, top_points[chunk], directions[chunk], *biases)
+        activations.append(forward)
+    channels, by_colour, by_thickness = _composite(colours, sample_weights, transmittance, top)
     by_logit = density_derivative(density.flatten(1).gather(1, top), model.field.config)
     # An interval without end is opaque at any density.
     lengths = edges.diff(dim=-1).flatten(1).gather(1, top)[..., None]
-    by_density = composited.by_thickness * lengths.where(lengths < 1e9, 0.0)
+    by_density = by_thickness * lengths.where(lengths < 1e9, 0.0)
     depth = depths.flatten(1).gather(1, top)
-    summed = _RayGradients.zeros(model, transmittance.numel(), composited.channels.shape[-1])
+    # The samples of a ray share its origin, direction and biases, so gradients are summed before they are mapped to the
+    # codes.
+    sums = list[Tensor]()
     row = ray + objects * transmittance[0].numel()
     for chunk, forward in zip(chunks, activations, strict=True):
-        inputs = composited.by_colour[chunk], by_density[chunk], by_logit[chunk], depth[chunk]
-        summed.add(_backward(model, forward, *inputs), row[chunk].flatten())
-    by_shape = _along_codes(summed.shape, bias_jacobians.shape)
-    by_texture = _along_codes(summed.texture, bias_jacobians.texture)
-    by_ray = summed.origin, summed.direction, by_shape, by_texture
-    return RenderedJacobian(composited.channels, *(values.unflatten(0, transmittance.shape) for values in by_ray))
+        gradients = _backward(weights, forward, by_colour[chunk], by_density[chunk], by_logit[chunk], depth[chunk])
+        sums = sums or [gradient.new_zeros(transmittance.numel(), *gradient.shape[2:]) for gradient in gradients]
+        _add_by_ray(sums, gradients, row[chunk].flatten())
+    origin, direction, *by_bias = sums
+    by_shape = _along_codes(by_bias[: len(weights.shape_blocks)], bias_jacobians.shape)
+    by_texture = _along_codes(by_bias[len(weights.shape_blocks) :], bias_jacobians.texture)
+    by_ray = origin, direction, by_shape, by_texture
+    return RenderedJacobian(channels, *(values.unflatten(0, transmittance.shape) for values in by_ray))
 
 
-class _RayGradients(NamedTuple):
-    """Derivatives of channels by way of single samples, or summed over the samples of each ray.
-
-    A bias is shared by all samples of a ray, so gradients are summed before they are mapped to the codes.
-    """
-
-    origin: Float[Tensor, "*batch channels 3"]
-    direction: Float[Tensor, "*batch channels 3"]
-    shape: tuple[Float[Tensor, "*batch channels width"], ...]  # with respect to the bias of each block
-    texture: tuple[Float[Tensor, "*batch 3 width"], ...]  # likewise; texture does not change opacity
-
-    @property
-    def all(self) -> tuple[Tensor, ...]:
-        """All tensors, in this order."""
-        return self.origin, self.direction, *self.shape, *self.texture
-
-    def add(self, by_samples: "_RayGradients", row: Int[Tensor, "samples"]) -> None:
-        """Add the gradients of samples to those of their rays, in place; ``row`` is the ray of each, ascending."""
-        rows = slice(int(row[0]), int(row[-1]) + 1)
-        starts = torch.searchsorted(row, torch.arange(rows.start, rows.stop, device=row.device))
-        order = torch.arange(len(row), device=row.device)
-        for total, gradient in zip(self.all, by_samples.all, strict=True):
-            sums = functional.embedding_bag(order, gradient.flatten(0, 1).flatten(1), starts, mode="sum")
-            total[rows] += sums.unflatten(1, total.shape[1:])
-
-    @classmethod
-    def zeros(cls, model: Model, rays: int, channels: int) -> "_RayGradients":
-        """Return zeros to sum into."""
-        config = model.field.config
-        device = model.device
-        dtype = matmul_dtype(device.type)
-        origin, direction = torch.zeros(2, rays, channels, 3, device=device)
-        shape = torch.zeros(config.shape_blocks, rays, channels, config.width, device=device, dtype=dtype)
-        texture = torch.zeros(config.texture_blocks, rays, 3, config.width, device=device, dtype=dtype)
-        return cls(origin, direction, shape.unbind(), texture.unbind())
+def _add_by_ray(sums: list[Tensor], gradients: Sequence[Tensor], row: Int[Tensor, "samples"]) -> None:
+    """Add the gradients of samples to those of their rays, in place; ``row`` is the ray of each, ascending."""
+    rows = slice(int(row[0]), int(row[-1]) + 1)
+    starts = torch.searchsorted(row, torch.arange(rows.start, rows.stop, device=row.device))
+    order = torch.arange(len(row), device=row.device)
+    for total, gradient in zip(sums, gradients, strict=True):
+        by_rows = functional.embedding_bag(order, gradient.flatten(0, 1).flatten(1), starts, mode="sum")
+        total[rows] += by_rows.unflatten(1, total.shape[1:])
 
 
 def _along_codes(
-    gradients: tuple[Float[Tensor, "rays channels width"], ...],
+    gradients: Sequence[Float[Tensor, "rays channels width"]],
     jacobian: Float[Tensor, "objects blocks width *numbers"],
 ) -> Float[Tensor, "rays channels numbers"]:
     """Map derivatives by the biases of blocks to derivatives by the numbers of the object's code."""
-    by_bias = torch.cat(gradients, -1)
+    by_bias = torch.cat(list(gradients), -1)
     of_object = by_bias.unflatten(0, (len(jacobian), -1))
     entries = jacobian.flatten(1, 2)
     if entries.ndim == 2:  # each bias is a number of its own
@@ -141,25 +124,21 @@ def _along_codes(
     return (of_object.flatten(1, 2) @ entries.to(by_bias.dtype)).float().reshape(*by_bias.shape[:2], -1)
 
 
-class _Composited(NamedTuple):
-    """Composited rays, and their derivatives with respect to colours and optical depths of the chosen samples."""
-
-    channels: Float[Tensor, "objects views rays channels"]
-    by_colour: Float[Tensor, "objects top 3"]
-    by_thickness: Float[Tensor, "objects top channels"]
-
-
 def _composite(
     colours: Float[Tensor, "objects top 3"],
     sample_weights: Float[Tensor, "objects views rays samples"],
     transmittance: Float[Tensor, "objects views rays"],
     top: Int[Tensor, "objects top"],
-) -> _Composited:
-    """Composite rays (Eq. 3) and differentiate them.
+) -> tuple[
+    Float[Tensor, "objects views rays channels"],
+    Float[Tensor, "objects top 3"],
+    Float[Tensor, "objects top channels"],
+]:
+    """Composite rays (Eq. 3). Return them, and their derivatives by colours and optical depths of the top samples.
 
     Args:
-        colours: of the chosen samples; the others take the mean colour of their ray.
-        top: indices of the chosen samples into (views, rays, samples).
+        colours: of the top samples; the others take the mean colour of their ray.
+        top: indices of the top samples into (views, rays, samples).
     """
     samples = sample_weights.shape[-1]
     objects = len(transmittance)
@@ -183,7 +162,7 @@ def _composite(
     by_thickness = torch.cat((passing * colours - behind, dimmed), -1)
     by_colour = (weight * ((1 - remaining) / total).gather(1, ray[..., None])).expand(-1, -1, 3)
     channels = torch.cat((colour.reshape(*transmittance.shape, 3), 1 - transmittance[..., None]), -1)
-    return _Composited(channels, by_colour, by_thickness)
+    return channels, by_colour, by_thickness
 
 
 class _Activations(NamedTuple):
@@ -197,26 +176,9 @@ class _Activations(NamedTuple):
     rgb_derivative: Float[Tensor, "objects samples 3"]  # of rgb with respect to the last layer's output
 
 
-def _forward_chunks(
-    model: Model,
-    points: Float[Tensor, "objects samples 3"],
-    directions: Float[Tensor, "objects samples 3"],
-    shape_bias: Float[Tensor, "objects blocks width"],
-    texture_bias: Float[Tensor, "objects more_blocks width"],
-    chunks: Iterable[tuple[slice, slice]],
-) -> tuple[list[_Activations], Float[Tensor, "objects samples 3"]]:
-    """Return the activations of each chunk of samples, and all colours."""
-    colours = torch.empty_like(points)
-    activations = []
-    for chunk in chunks:
-        biases = shape_bias[chunk[0]], texture_bias[chunk[0]]
-        forward, colours[chunk] = _forward(model, points[chunk], directions[chunk], *biases)
-        activations.append(forward)
-    return activations, colours
-
-
 def _forward(
     model: Model,
+    weights: FieldWeights,
     points: Float[Tensor, "objects samples 3"],
     directions: Float[Tensor, "objects samples 3"],
     shape_bias: Float[Tensor, "objects blocks width"],
@@ -224,7 +186,6 @@ def _forward(
 ) -> tuple[_Activations, Float[Tensor, "objects samples 3"]]:
     """Return the activations and colours of some samples."""
     config = model.field.config
-    weights = field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
     position = encode(points, config.position_frequencies)
     direction = encode(directions, config.direction_frequencies)
@@ -258,14 +219,17 @@ def _encoding_derivative(encoded: Float[Tensor, "*batch encoded"], frequencies: 
 
 
 def _backward(
-    model: Model,
+    weights: FieldWeights,
     activations: _Activations,
     by_colour: Float[Tensor, "objects samples 3"],
     by_density: Float[Tensor, "objects samples channels"],
     by_logit: Float[Tensor, "objects samples"],
     depth: Float[Tensor, "objects samples"],
-) -> _RayGradients:
-    """Return derivatives of each ray's channels, by way of single samples, with respect to ray and biases.
+) -> list[Tensor]:
+    """Return derivatives of each ray's channels, by way of single samples.
+
+    They are with respect to the ray's origin and direction, the bias of each shape block, and that of each texture
+    block, which does not change opacity.
 
     Args:
         by_colour: derivative of a colour channel with respect to the same channel of the sample.
@@ -273,7 +237,6 @@ def _backward(
         by_logit: derivative of the density with respect to its logit.
         depth: scene units from the ray's origin.
     """
-    weights = field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
     # Texture does not change opacity: its channel enters with the density.
     gradient = (by_colour * activations.rgb_derivative).to(dtype)[..., None] * weights.rgb[0]
@@ -286,7 +249,7 @@ def _backward(
     gradient, shape = _backward_blocks(gradient, activations.shape, weights.shape_blocks)
     by_position = _along_axes(gradient @ weights.position.layer[0], activations.position_derivative)
     by_direction = pad(by_direction, (0, 0, 0, by_density.shape[-1] - 3)).addcmul_(by_position, depth[..., None, None])
-    return _RayGradients(by_position, by_direction, shape, texture)
+    return [by_position, by_direction, *shape, *texture]
 
 
 def _backward_blocks(
@@ -314,7 +277,7 @@ def _along_axes(
 
 
 def _chunks(shape: torch.Size, limit: int) -> Iterator[tuple[slice, slice]]:
-    """Yield slices of (objects, samples) with at most ``most`` points in all."""
+    """Yield slices of (objects, samples) with at most ``limit`` points in all."""
     objects, count = shape
     group = max(1, limit // count)
     for first in range(0, objects, group):
