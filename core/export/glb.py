@@ -24,8 +24,12 @@ _CORNERS, _INDICES = 34962, 34963  # what a view of the buffer holds
 _CLAMPED = 33071  # of a texture's edges
 
 
-def glb(mesh: Mesh) -> bytes:
-    """Return the bytes of a .glb file. Images of several variants share vertices and texture coordinates."""
+def glb(mesh: Mesh, view: tuple[Camera, Float[np.ndarray, "3"], float] | None = None) -> bytes:
+    """Return the bytes of a .glb file. Images of several variants share vertices and texture coordinates.
+
+    Args:
+        view: a camera for the file, the file's origin in the world (scene units), and its units per scene unit.
+    """
     buffer = _Buffer()
     document: dict[str, Any] = {"asset": {"version": "2.0", "generator": "CodeNeRF Viewer"}, "scene": 0}
     document |= _materials(mesh, buffer)
@@ -38,7 +42,16 @@ def glb(mesh: Mesh) -> bytes:
     document["scenes"] = [{"nodes": [*range(len(mesh.part_counts))]}]
     document |= {"accessors": buffer.accessors, "bufferViews": buffer.views}
     document["buffers"] = [{"byteLength": len(buffer.data)}]
-    return _file(document, struct.pack("<II", len(buffer.data), 0x004E4942) + buffer.data)
+    if view:
+        lens, matrix = _camera_node(*view)
+        document["cameras"] = [lens]
+        document["nodes"].append({"name": "camera", "camera": 0, "matrix": matrix})
+        document["scenes"][0]["nodes"].append(len(document["nodes"]) - 1)
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
+    chunks += struct.pack("<II", len(buffer.data), 0x004E4942) + buffer.data
+    return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
 
 
 def _materials(mesh: Mesh, buffer: "_Buffer") -> dict[str, Any]:
@@ -112,15 +125,13 @@ def _linear(colours: Float[np.ndarray, "vertices 3"]) -> UInt16[np.ndarray, "ver
     return (np.hstack((linear, np.ones((len(linear), 1)))) * 65535 + 0.5).astype(np.uint16)
 
 
-def place_camera(file: bytes, camera: Camera, origin: Float[np.ndarray, "3"], scale: float) -> bytes:
-    """Add a camera node to the scene of a .glb file.
+def _camera_node(camera: Camera, origin: Float[np.ndarray, "3"], scale: float) -> tuple[dict[str, Any], list[float]]:
+    """Return a camera's entry, and the matrix of its node.
 
     Args:
         origin: the file's origin in the world, scene units.
         scale: file units per scene unit.
     """
-    (length,) = struct.unpack("<I", file[12:16])
-    document = json.loads(file[20 : 20 + length])
     rotation, position = (tensor.numpy() for tensor in camera.world_to_camera(torch.device("cpu")))
     matrix = np.eye(4)
     # Rows of the rotation are the camera's axes right, up, backward: glTF's convention, too.
@@ -128,15 +139,4 @@ def place_camera(file: bytes, camera: Camera, origin: Float[np.ndarray, "3"], sc
     matrix[:3, 3] = scale * (position - origin) @ WORLD_FROM_GLTF
     lens = {"yfov": 2 * math.atan(camera.height / (2 * camera.focal)), "aspectRatio": camera.width / camera.height}
     lens |= {"znear": 0.01 * scale * camera.distance, "zfar": 100 * scale * camera.distance}
-    document["cameras"] = [{"type": "perspective", "perspective": lens}]
-    document["nodes"].append({"name": "camera", "camera": 0, "matrix": matrix.T.ravel().tolist()})
-    document["scenes"][0]["nodes"].append(len(document["nodes"]) - 1)
-    return _file(document, file[20 + length :])
-
-
-def _file(document: dict, rest: bytes) -> bytes:
-    """Assemble a file from its JSON and the chunks that follow."""
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + rest
-    return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
+    return {"type": "perspective", "perspective": lens}, matrix.T.ravel().tolist()

@@ -4,7 +4,6 @@ from collections.abc import Generator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -15,17 +14,16 @@ from core.detail.lookup import DetailMaps
 from core.detail.maps import detail_maps
 from core.editing.size import size_of
 from core.edits.edit import UNIT
-from core.export.glb import place_camera
+from core.export.glb import glb
 from core.export.mesh_formats import FORMATS, NEEDS_TEXTURE, TEXTURED, VARIED, save_mesh
-from core.export.normals import face_normals, vertex_normals
 from core.export.parts import by_part
 from core.export.print_formats import LEAST_LEG, PRINTED, leg_thickness
 from core.export.simplify import simplify
 from core.export.surface import extract_surface, interval_of
-from core.export.texture import TRIANGLES, Colours, textured
-from core.export.triangle_mesh import Mesh
+from core.export.texture import TRIANGLES, textured
+from core.export.triangle_mesh import Mesh, face_normals, vertex_normals
 from core.export.variants import require_one_shape
-from core.geometry.camera import Camera, Factors
+from core.geometry.camera import Camera
 from core.models.model import Instance
 from core.rendering.compositing import compositing_weights
 from core.rendering.folded_field import FoldedField
@@ -90,10 +88,13 @@ def export_mesh(
     if settings.metres is None and suffix in NEEDS_TEXTURE:
         settings = replace(settings, metres=_usual_metres(instance))
     with atomic_file(path) as unfinished:
-        mesh, placing = yield from _placed(instance, settings, pixels, variants)
-        save_mesh(mesh, unfinished)
+        mesh, origin, scale = yield from _placed(instance, settings, pixels, variants)
         if camera and suffix == ".glb":
-            unfinished.write_bytes(place_camera(unfinished.read_bytes(), camera, *placing.of_world))
+            proportions = np.array(instance.codes.proportions or UNIT)
+            view = camera, origin * proportions, float(np.mean(scale / proportions))
+            unfinished.write_bytes(glb(mesh.in_gltf_axes(), view))
+        else:
+            save_mesh(mesh, unfinished)
     yield 1.0
     return _print_doubt(mesh) if suffix in PRINTED else ""
 
@@ -114,8 +115,8 @@ def _usual_metres(instance: Instance) -> float | None:
 
 def _placed(
     instance: Instance, settings: MeshSettings, pixels: int, variants: Mapping[str, Instance]
-) -> Generator[float, None, tuple[Mesh, "_Placing"]]:
-    """Return the coloured mesh in a file's axes, and how it came there; yields the fraction done.
+) -> Generator[float, None, tuple[Mesh, Float[np.ndarray, "3"], float | Float[np.ndarray, "3"]]]:
+    """Return the coloured mesh as a file holds it, and its :func:`_placement`; yields the fraction done.
 
     Args:
         pixels: width of the images; 0: colours at vertices.
@@ -126,11 +127,19 @@ def _placed(
     colours = {}
     for name, variant in variants.items():
         detail = yield from subprogress(detail_maps(variant.unstretched), end, end)
-        colours[name] = partial(_colours, FoldedField.of(variant), interval_of(variant.model), detail)
-    mesh = yield from subprogress(_coloured(mesh, colours, pixels), end, 1.0)
-    placing = _Placing.of(instance, mesh.vertices, settings.metres)
-    vertices = placing.vertices(mesh.vertices)
-    return replace(mesh, vertices=vertices, normals=placing.normals(mesh.normals)), placing
+        colours[name] = partial(_colours, variant, detail)
+    if pixels:
+        mesh = yield from subprogress(textured(mesh, colours, pixels), end, 1.0)
+    else:
+        first, *_ = colours.values()
+        mesh = replace(mesh, colours=(yield from subprogress(first(mesh.vertices, mesh.normals), end, 1.0)))
+    origin, scale = _placement(instance, mesh.vertices, settings.metres)
+    normals = mesh.normals
+    if instance.is_sized:
+        normals = normals / scale
+        normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
+    vertices = (scale * (mesh.vertices - origin)).astype(np.float32)
+    return replace(mesh, vertices=vertices, normals=normals), origin, scale
 
 
 def _print_doubt(mesh: Mesh) -> str:
@@ -153,95 +162,34 @@ def _check(path: Path, pixels: int, instance: Instance, variants: Mapping[str, I
     require_one_shape({"the object": instance, **variants})
 
 
-class _Placing(NamedTuple):
-    """The map from an object's own space to a file's axes: a shift, then a scale along each axis."""
+def _placement(
+    instance: Instance, vertices: Float[np.ndarray, "vertices 3"], metres: float | None
+) -> tuple[Float[np.ndarray, "3"], float | Float[np.ndarray, "3"]]:
+    """Return a file's origin in an object's own space, and the file's units per scene unit, of a sized one by axis.
 
-    origin: Float[np.ndarray, "3"]
-    scale: float | Float[np.ndarray, "3"]
-    proportions: Factors  # of the world, relative to the object's own space
-
-    @classmethod
-    def of(cls, instance: Instance, vertices: Float[np.ndarray, "vertices 3"], metres: float | None) -> "_Placing":
-        """Place the object on the ground, ``metres`` long.
-
-        None: as large as it was sized; without a size nothing changes.
-        """
-        low = vertices.min(0)
-        high = vertices.max(0)
-        on_ground = np.array([*(low + high)[:2] / 2, low[2]])
-        proportions = instance.codes.proportions or UNIT
-        if instance.is_sized:
-            # These vertices get the size exactly: the bounds of any mesh differ a little from the field's.
-            size = np.array(size_of(instance)) / 100
-            return cls(on_ground, size * ((metres or size.max()) / size.max()) / (high - low), proportions)
-        if metres is None:
-            return cls(np.zeros(3, np.float32), 1.0, proportions)
-        return cls(on_ground, float(metres / (high - low).max()), proportions)
-
-    def vertices(self, vertices: Float[np.ndarray, "vertices 3"]) -> Float[np.ndarray, "vertices 3"]:
-        """Return vertices in the file's units."""
-        return (self.scale * (vertices - self.origin)).astype(np.float32)
-
-    def normals(self, normals: Float[np.ndarray, "vertices 3"]) -> Float[np.ndarray, "vertices 3"]:
-        """Return unit normals of the scaled surface."""
-        if isinstance(self.scale, float):
-            return normals
-        turned = normals / self.scale
-        return (turned / np.linalg.norm(turned, axis=1, keepdims=True)).astype(np.float32)
-
-    @property
-    def of_world(self) -> tuple[Float[np.ndarray, "3"], float]:
-        """The file's origin in the world, and its units per scene unit."""
-        proportions = np.array(self.proportions)
-        return self.origin * proportions, float(np.mean(self.scale / proportions))
-
-
-def _coloured(mesh: Mesh, colours: Mapping[str, Colours], pixels: int) -> Generator[float, None, Mesh]:
-    """Return a mesh in colours: with an image of each variant, or the first one at the vertices.
-
-    Yields the fraction done.
-
-    Args:
-        pixels: width of the images; 0: colours at vertices.
+    The object stands on the ground, ``metres`` long; None: as large as it was sized, without a size as it is.
     """
-    if pixels:
-        return (yield from textured(mesh, colours, pixels))
-    first, *_ = colours.values()
-    return replace(mesh, colours=(yield from first(mesh.vertices, mesh.normals)))
+    low = vertices.min(0)
+    high = vertices.max(0)
+    on_ground = np.array([*(low + high)[:2] / 2, low[2]])
+    if instance.is_sized:
+        # These vertices get the size exactly: the bounds of any mesh differ a little from the field's.
+        size = np.array(size_of(instance)) / 100
+        return on_ground, size * ((metres or size.max()) / size.max()) / (high - low)
+    if metres is None:
+        return np.zeros(3, np.float32), 1.0
+    return on_ground, float(metres / (high - low).max())
 
 
-def _colours(
-    folded: FoldedField,
-    interval: float,
-    detail: DetailMaps | None,
-    points: Float[np.ndarray, "points 3"],
-    normals: Float[np.ndarray, "points 3"],
-) -> Generator[float, None, Float[np.ndarray, "points 3"]]:
-    """Return the colours of the field with the photo detail; yields the fraction done."""
-    colours = yield from _vertex_colours(folded, points, normals, interval)
-    if detail is None:
-        return colours
-    with torch.inference_mode():
-        device = detail.photos[0].surface.device
-        positions, outward, network = (
-            torch.from_numpy(array).float().to(device) for array in (points, normals, colours)
-        )
-        return (network + detail.colour_changes(positions, -outward, network)[0]).clamp(0, 1).cpu().numpy()
-
-
-def extract_mesh(instance: Instance, resolution: int | None = None, triangles: int = 0) -> Generator[float, None, Mesh]:
+def extract_mesh(instance: Instance, resolution: int | None = None) -> Generator[float, None, Mesh]:
     """Extract the surface of an object in the field's colours; yields the fraction done.
 
-    Raises ``ValueError`` like :func:`core.export.surface.extract_surface`.
-
-    Args:
-        resolution: see there.
-        triangles: at most, by quadric error; 0: all.
+    Arguments and errors are those of :func:`core.export.surface.extract_surface`.
     """
     end = 1 - _COLOUR_FRACTION
-    mesh = yield from subprogress(_bare_mesh(instance, resolution, triangles), 0.0, end)
-    colours = partial(_colours, FoldedField.of(instance), interval_of(instance.model), None)
-    return (yield from subprogress(_coloured(mesh, {"": colours}, 0), end, 1.0))
+    mesh = yield from subprogress(_bare_mesh(instance, resolution, 0), 0.0, end)
+    colours = _colours(instance, None, mesh.vertices, mesh.normals)
+    return replace(mesh, colours=(yield from subprogress(colours, end, 1.0)))
 
 
 def _bare_mesh(instance: Instance, resolution: int | None, triangles: int) -> Generator[float, None, Mesh]:
@@ -254,17 +202,32 @@ def _bare_mesh(instance: Instance, resolution: int | None, triangles: int) -> Ge
     return Mesh(vertices, normals, *by_part(instance.model, folded, vertices, faces))
 
 
-def _vertex_colours(
-    folded: FoldedField, vertices: np.ndarray, normals: np.ndarray, interval: float
-) -> Generator[float, None, Float[np.ndarray, "vertices 3"]]:
-    """Compute the paper's vertex colours: seen along the inverted normal, from just outside."""
-    edges = torch.linspace(-1.0, 2.0, _COLOUR_SAMPLES + 1) * interval
-    colours = []
-    blocks = torch.from_numpy(np.stack((vertices, normals))).split(_BLOCK // _COLOUR_SAMPLES, 1)
+def _colours(
+    instance: Instance,
+    detail: DetailMaps | None,
+    points: Float[np.ndarray, "points 3"],
+    normals: Float[np.ndarray, "points 3"],
+) -> Generator[float, None, Float[np.ndarray, "points 3"]]:
+    """Compute the paper's vertex colours, seen along the inverted normal from just outside, with the photo detail.
+
+    Yields the fraction done.
+    """
+    folded = FoldedField.of(instance)
+    edges = torch.linspace(-1.0, 2.0, _COLOUR_SAMPLES + 1) * interval_of(instance.model)
+    pieces = []
+    blocks = torch.from_numpy(np.stack((points, normals))).split(_BLOCK // _COLOUR_SAMPLES, 1)
     for block_colours in map_pieces(partial(_surface_colours, folded, edges.to(folded.device)), blocks):
-        colours.append(block_colours)
-        yield len(colours) / len(blocks)
-    return np.concatenate(colours)
+        pieces.append(block_colours)
+        yield len(pieces) / len(blocks)
+    colours = np.concatenate(pieces)
+    if detail is None:
+        return colours
+    with torch.inference_mode():
+        device = detail.photos[0].surface.device
+        positions, outward, network = (
+            torch.from_numpy(array).float().to(device) for array in (points, normals, colours)
+        )
+        return (network + detail.colour_changes(positions, -outward, network)[0]).clamp(0, 1).cpu().numpy()
 
 
 @torch.inference_mode()

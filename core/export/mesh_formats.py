@@ -17,14 +17,6 @@ def save_mesh(mesh: Mesh, path: Path) -> None:
     FORMATS[path.suffix.lower()](mesh, path)
 
 
-def _write_glb(mesh: Mesh, path: Path) -> None:
-    path.write_bytes(glb(mesh.in_gltf_axes()))
-
-
-def _write_ply(mesh: Mesh, path: Path) -> None:
-    _trimesh(mesh).export(path, vertex_normal=True)
-
-
 def _write_obj(mesh: Mesh, path: Path) -> None:
     """Write parts as objects that share vertices."""
     head, *triangles = _trimesh(mesh.in_gltf_axes()).export(file_type="obj").split("\nf ")
@@ -42,10 +34,10 @@ def _trimesh(mesh: Mesh) -> Any:
     return converted
 
 
-FORMATS: dict[str, Callable[[Mesh, Path], None]] = {
-    ".glb": _write_glb,
+FORMATS: dict[str, Callable[[Mesh, Path], object]] = {
+    ".glb": lambda mesh, path: path.write_bytes(glb(mesh.in_gltf_axes())),
     ".usdz": write_usdz,
-    ".ply": _write_ply,
+    ".ply": lambda mesh, path: _trimesh(mesh).export(path, vertex_normal=True),
     ".obj": _write_obj,
     ".stl": write_stl,
     ".3mf": write_3mf,

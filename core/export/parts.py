@@ -11,8 +11,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from core.export.normals import face_normals
-from core.export.triangle_mesh import MeshParts
+from core.export.triangle_mesh import MeshParts, face_normals
 from core.models.model import Model
 from core.models.part_head import ABOVE_SEAT, PartHead
 from core.rendering.folded_field import FoldedField

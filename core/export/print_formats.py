@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from core.export.normals import face_normals
-from core.export.triangle_mesh import Mesh
+from core.export.triangle_mesh import Mesh, face_normals
 from core.geometry.pixels import to_bytes
 
 PRINTED = (".stl", ".3mf")  # formats for printers

@@ -17,7 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
-from core.export.normals import face_normals
+from core.export.triangle_mesh import face_normals
 from core.models.model import Instance, Model
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy, shape_occupancy

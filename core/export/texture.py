@@ -3,10 +3,10 @@
 from collections.abc import Callable, Generator, Mapping
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int
+from scipy.ndimage import distance_transform_edt
 
-from core.export.normals import face_normals, vertex_normals
-from core.export.triangle_mesh import Mesh
+from core.export.triangle_mesh import Mesh, face_normals, vertex_normals
 from core.geometry.pixels import to_bytes
 from core.streams import subprogress
 
@@ -41,7 +41,8 @@ def textured(mesh: Mesh, colours: Mapping[str, Colours], pixels: int) -> Generat
         )
         image = np.zeros((height, width, 3), np.uint8)
         image[covered] = to_bytes((yield from subprogress(colour(*texels), begin, end)))
-        images[name] = _filled(image, covered)
+        # The nearest colour fills uncovered texels, so that smaller images show no seams.
+        images[name] = image[tuple(distance_transform_edt(~covered, return_distances=False, return_indices=True))]
     return Mesh(points, normals, corners, mesh.part_counts, uv=uv * (1, -1) + (0, 1), images=images)
 
 
@@ -88,11 +89,3 @@ def _texels(
         barycentric[low[1] : high[1], low[0] : high[0]][inside] = weights[inside]
     covered = owner >= 0
     return covered, owner[covered], barycentric[covered]
-
-
-def _filled(image: np.ndarray, covered: np.ndarray) -> UInt8[np.ndarray, "height width 3"]:
-    """Copy the nearest colour into uncovered texels, so that smaller images show no seams."""
-    from scipy.ndimage import distance_transform_edt
-
-    nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
-    return image[tuple(nearest)]

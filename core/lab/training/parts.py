@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.export.mesh import extract_mesh
-from core.export.normals import face_normals
+from core.export.triangle_mesh import face_normals
 from core.lab.datasets.srn import evenly_spaced
 from core.models.model import Instance, Model
 from core.models.part_head import PartHead
