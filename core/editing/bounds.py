@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.edits.edit import Edit
@@ -147,7 +147,7 @@ def _end(folded: FoldedField, occupancy: Occupancy, axis: int, side: int) -> flo
     cells = occupancy.cells.nonzero()
     layers = cells[:, axis].unique()
     for layer in layers if side < 0 else layers.flip(0):
-        points = _points_within(occupancy, cells[cells[:, axis] == layer])
+        points = occupancy.points_in(cells[cells[:, axis] == layer], _PER_SIDE)
         inside = points[_is_solid(folded, occupancy, points)]
         if len(inside):
             return _refined(folded, occupancy, inside, axis, side)
@@ -170,12 +170,6 @@ def _refined(
             points = points[solid]
             reached += step
     return float(points[0, axis]) + side * reached
-
-
-def _points_within(occupancy: Occupancy, cells: Int[Tensor, "cells 3"]) -> Float[Tensor, "points 3"]:
-    steps = (torch.arange(_PER_SIDE, device=cells.device) + 0.5) / _PER_SIDE
-    within = torch.cartesian_prod(steps, steps, steps)
-    return ((cells[:, None] + within) * occupancy.cell - occupancy.extent).flatten(0, 1)
 
 
 def _is_solid(folded: FoldedField, occupancy: Occupancy, points: Float[Tensor, "points 3"]) -> Tensor:

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from core.export.films import View
 from core.geometry.camera import Camera
-from core.models.model import Instance, Model
+from core.models.model import Instance
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS, shape_occupancy
 from core.runtime.modes import isolated
@@ -73,15 +73,11 @@ def _opaque_points(instance: Instance, per_side: int) -> Float[Tensor, "points 3
     model = instance.model
     folded = FoldedField.of(instance)
     occupancy = shape_occupancy(instance)
-    steps = (torch.arange(per_side, device=model.device) + 0.5) / per_side
-    within = torch.cartesian_prod(steps, steps, steps)
-    points = ((occupancy.cells.nonzero()[:, None] + within) * occupancy.cell - occupancy.extent).flatten(0, 1)
+    points = occupancy.points_in(occupancy.cells.nonzero(), per_side)
     threshold = -math.log1p(-_MIN_OPACITY) / (2 * max(model.extent) / CELLS)
     with torch.inference_mode():
         blocks = [block[folded.density(block)[0] > threshold] for block in points.split(_BLOCK)]
     opaque = torch.cat(blocks).cpu() if blocks else torch.empty(0, 3)
-    return opaque if len(opaque) else _corners(model)
-
-
-def _corners(model: Model) -> Float[Tensor, "8 3"]:
+    if len(opaque):
+        return opaque
     return torch.cartesian_prod(*(torch.stack((-side, side)) for side in torch.tensor(model.extent)))

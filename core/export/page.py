@@ -35,12 +35,13 @@ from core.export.dimensions import size_labels
 from core.export.films import turntable
 from core.export.framing import filling_frame
 from core.export.variants import require_one_shape
-from core.export.video_frames import draw_still, over
+from core.export.video_frames import over, supersampling
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.gl import baked_shader, detail_shader, ground_shader
 from core.gl.baked_field import BakedField
 from core.gl.baking import bake
+from core.gl.offscreen import OffscreenRenderer
 from core.models.model import Instance
 from core.rendering.ground_shadow import GroundShadow
 from core.runtime.files import atomic_file
@@ -115,7 +116,8 @@ def write_page(
             looks.append(Look(label, baked, _poster(variant, camera, baked)))
         more: dict[str, Any] = {}
         if extras.unit:
-            more["dimensions"] = _dimensions(instance, extras.unit)
+            box = shown_bounds(instance, natural_bounds(instance))
+            more["dimensions"] = {"low": box.low, "high": box.high, "labels": size_labels(box, extras.unit)}
         if extras.room:
             more["room"] = yield from _room(instance, variants, path.with_name(f"{path.stem}{ROOM_SUFFIX}"))
         unfinished.write_text(page(looks, camera, name, more), encoding="utf-8")
@@ -143,11 +145,6 @@ class Look(NamedTuple):
     name: str
     baked: BakedField
     poster: UInt8[np.ndarray, "height width 4"]
-
-
-def _dimensions(instance: Instance, unit: str) -> dict[str, Any]:
-    box = shown_bounds(instance, natural_bounds(instance))
-    return {"low": box.low, "high": box.high, "labels": size_labels(box, unit)}
 
 
 def first_camera(instance: Instance, camera: Camera) -> Camera:
@@ -204,8 +201,11 @@ def _shared(content: Any) -> dict[str, Any]:
 
 def _poster(instance: Instance, camera: Camera, baked: BakedField) -> UInt8[np.ndarray, "height width 4"]:
     """Render the page's first image, transparent; by the network if the machine has no OpenGL."""
-    drawn = draw_still(baked, camera)
-    return over(render_frame(instance, camera), None) if drawn is None else drawn
+    try:
+        with OffscreenRenderer((camera.width, camera.height), supersampling(camera), None) as renderer:
+            return renderer.draw(baked, camera)
+    except RuntimeError:
+        return over(render_frame(instance, camera), None)
 
 
 def _scene(looks: Sequence[Look], camera: Camera, quality: int, step: int) -> dict[str, Any]:
@@ -246,7 +246,8 @@ def _variant(baked: BakedField, texels: UInt8[np.ndarray, "x y z 4"], camera: Ca
 
 
 def _program(vertex: str, fragment: str) -> dict[str, str]:
-    return {"vertex": _in_webgl(vertex), "fragment": _in_webgl(fragment)}
+    sources = {"vertex": vertex, "fragment": fragment}
+    return {kind: source.replace("#version 330\n", _DIALECT).strip() for kind, source in sources.items()}
 
 
 def _swatches(posters: Sequence[UInt8[np.ndarray, "height width 4"]]) -> list[str]:
@@ -312,7 +313,3 @@ def _image(image: Image.Image, quality: int, kind: str = "WEBP") -> str:
     file = io.BytesIO()
     image.save(file, kind, quality=quality)
     return f"data:image/{kind.lower()};base64,{base64.b64encode(file.getvalue()).decode()}"
-
-
-def _in_webgl(source: str) -> str:
-    return source.replace("#version 330\n", _DIALECT).strip()

@@ -145,11 +145,9 @@ class _Av(_Sink):
         self._stream = self._container.add_stream(codec, rate=rate, options=encoding)
 
     def finish(self) -> None:
-        """Write the frames that the encoder holds."""
         self._container.mux(self._stream.encode())
 
     def close(self) -> None:
-        """Release the file."""
         self._container.close()
 
 
@@ -164,7 +162,6 @@ class _Mp4(_Av):
         self._label(self._stream.codec_context)
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
-        """Convert and encode a frame."""
         if not self._stream.codec_context.is_open:  # H.264 with 4:2:0 colour needs even sizes
             self._stream.height, self._stream.width = (side - side % 2 for side in image.shape[:2])
         even = np.ascontiguousarray(image[: self._stream.height, : self._stream.width])
@@ -190,7 +187,6 @@ class _Gif(_Sink):
         self._previous: Image.Image | None = None
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
-        """Write the part that differs from the last frame."""
         if not self._count:
             self._file.write(b"GIF89a" + struct.pack("<HHBBB", image.shape[1], image.shape[0], 0, 0, 0) + _ENDLESS)
         frame = self._reduced(Image.fromarray(image))
@@ -226,11 +222,9 @@ class _Gif(_Sink):
         return round(100 * index / self._settings.rate)
 
     def finish(self) -> None:
-        """Write the end of the file."""
         self._file.write(b";")
 
     def close(self) -> None:
-        """Release the file."""
         self._file.close()
 
 
@@ -245,7 +239,6 @@ class _Webp(_Av):
         self._count = 0
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
-        """Encode a frame."""
         if not self._count:
             self._stream.height, self._stream.width = image.shape[:2]
         frame = self._av.VideoFrame.from_ndarray(image, format="rgb24" if image.shape[2] == 3 else "rgba")
@@ -262,7 +255,6 @@ class _Frames(_Sink):
         self._count = 0
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
-        """Write a file."""
         Image.fromarray(image).save(self._path / f"{self._count:05d}.png")
         self._count += 1
 

@@ -19,12 +19,11 @@ from core.detail.progressive import Frame, RenderJob, RenderSettings, render_pro
 from core.export.films import View
 from core.geometry.camera import Camera
 from core.gl.background import Background, background_rows
-from core.gl.baked_field import BakedField
 from core.gl.baking import bake_views
 from core.gl.offscreen import OffscreenRenderer
 
 Image = UInt8[np.ndarray, "height width channels"]
-CELLS = 192  # of the grid along each axis of the scene's box
+_CELLS = 192  # of the grid along each axis of the scene's box
 _RAYS = 512  # rays from top to bottom of a frame at least, by supersampling; beyond this no change is visible
 FEW_PIXELS = 1_000_000  # of all frames of an object together: up to this many, rendering is faster than baking
 _DRAWN = 0.15  # time of a pixel drawn by OpenGL on a processor, relative to one by the network at FEW_SAMPLES
@@ -69,52 +68,37 @@ def _next_image(frames: Iterator[Image | None]) -> Generator[None, None, Image]:
 def _distinct_frames(
     views: Sequence[View], background: Background | None, exact: bool, shadow: bool
 ) -> Iterator[Image | None]:
-    for shots in _by_model(views):
-        if exact:
-            yield from exact_frames(shots, background, shadow)
-        elif are_few(shots):
-            yield from exact_frames(shots, background, shadow, few_samples(views))
+    samples = RenderSettings.samples if exact else _few_samples(views)
+    for section, are_few, _ in _sections(views):
+        if exact or are_few:
+            yield from exact_frames(section, background, shadow, samples)
         else:
-            yield from baked_frames(shots, background, shadow)
+            yield from baked_frames(section, background, shadow)
 
 
-def _by_model(views: Sequence[View]) -> Iterator[list[View]]:
-    for _, shots in groupby(views, lambda view: view.instance.fingerprint):
-        yield list(shots)
+def _sections(views: Sequence[View]) -> Iterator[tuple[list[View], bool, float]]:
+    """Yield the views of each model, if the network renders them faster than their objects are baked, and the work.
+
+    The work is in pixels that the network renders with :data:`FEW_SAMPLES`.
+    """
+    for _, group in groupby(views, lambda view: view.instance.fingerprint):
+        section = list(group)
+        pixels = sum(view.camera.width * view.camera.height for view in section)
+        objects = 1 + sum(first.instance != second.instance for first, second in pairwise(section))
+        if pixels <= FEW_PIXELS * objects:
+            yield section, True, pixels * _few_samples(views) / FEW_SAMPLES
+        else:
+            yield section, False, FEW_PIXELS * objects + _DRAWN * pixels
 
 
-def are_few(views: Sequence[View]) -> bool:
-    """True if the network renders these frames faster than their objects are baked."""
-    return count_pixels(views) <= FEW_PIXELS * count_objects(views)
-
-
-def count_pixels(views: Sequence[View]) -> int:
-    """Count the pixels of all frames."""
-    return sum(view.camera.width * view.camera.height for view in views)
-
-
-def few_samples(views: Sequence[View]) -> int:
+def _few_samples(views: Sequence[View]) -> int:
     """Return the samples of a ray for few frames; a single image is exact."""
     return RenderSettings.samples if len(views) == 1 else FEW_SAMPLES
 
 
-def rendered_pixels(views: Sequence[View], exact: bool = False) -> float:
+def rendered_pixels(views: Sequence[View]) -> float:
     """Estimate the work of :func:`render_frames` as pixels that the network renders, with :data:`FEW_SAMPLES`."""
-    pixels = 0.0
-    views = list(dict.fromkeys(views))
-    for shots in _by_model(views):
-        if exact:
-            pixels += count_pixels(shots) * RenderSettings.samples / FEW_SAMPLES
-        elif are_few(shots):
-            pixels += count_pixels(shots) * few_samples(views) / FEW_SAMPLES
-        else:
-            pixels += FEW_PIXELS * count_objects(shots) + _DRAWN * count_pixels(shots)
-    return pixels
-
-
-def count_objects(views: Sequence[View]) -> int:
-    """Count changes of the object from view to view, plus one."""
-    return 1 + sum(first.instance != second.instance for first, second in pairwise(views))
+    return sum(work for _, _, work in _sections(list(dict.fromkeys(views))))
 
 
 def exact_frames(
@@ -134,15 +118,10 @@ def exact_frames(
             yield over(frame, background, view.camera) if frame else None
 
 
-def baked_frames(
-    views: Sequence[View], background: Background | None, shadow: bool = False, cells: int = CELLS
-) -> Iterator[Image | None]:
+def baked_frames(views: Sequence[View], background: Background | None, shadow: bool = False) -> Iterator[Image | None]:
     """Yield every frame rasterised from baked objects, with None many times in between.
 
     Frames are exact if the machine has no OpenGL.
-
-    Args:
-        cells: of the grid along each axis of the scene's box; a multiple of 64.
     """
     first = views[0].camera
     try:
@@ -154,19 +133,10 @@ def baked_frames(
         for instance, shots in groupby(views, lambda view: view.instance):
             cameras = [view.camera for view in shots]
             detail = yield from detail_maps(instance)
-            baked = yield from bake_views(instance, cameras, cells)
+            baked = yield from bake_views(instance, cameras, _CELLS)
             for camera in cameras:
                 field = replace(baked.seen_from(camera), detail=detail)
                 yield renderer.draw(field if shadow else replace(field, shadow=None), camera)
-
-
-def draw_still(baked: BakedField, camera: Camera) -> Image | None:
-    """Rasterise one transparent image of a baked object with its shadow; None if the machine has no OpenGL."""
-    try:
-        with OffscreenRenderer((camera.width, camera.height), supersampling(camera), None) as renderer:
-            return renderer.draw(baked, camera)
-    except RuntimeError:
-        return None
 
 
 def supersampling(camera: Camera) -> int:

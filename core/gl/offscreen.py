@@ -1,7 +1,5 @@
 """Off-screen images of baked fields by OpenGL, in a context of their own (EGL)."""
 
-from types import TracebackType
-
 import moderngl
 import numpy as np
 from jaxtyping import UInt8
@@ -74,9 +72,7 @@ class OffscreenRenderer:
     def __enter__(self) -> "OffscreenRenderer":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._context.release()
 
     def draw(self, baked: BakedField, camera: Camera) -> UInt8[np.ndarray, "height width channels"]:

@@ -3,9 +3,6 @@
 Single images that it does not support are rendered exactly.
 """
 
-from collections.abc import Generator
-from typing import Protocol
-
 from core.geometry.camera import Camera
 from core.models.model import Instance
 from core.rendering import fast
@@ -16,17 +13,7 @@ from core.streams import run_to_end
 SAMPLES = 192  # intervals along the longest side of the scene's box in a finished image
 _EXACT_SAMPLES = 64  # the paper's
 
-
-class Renderer(Protocol):
-    """A renderer in steps: yields None wherever it can be abandoned, and returns the render."""
-
-    def __call__(
-        self, instance: Instance, camera: Camera, samples: int, complete: bool = True
-    ) -> Generator[None, None, Rendered]:
-        """Render with ``samples`` intervals; without ``complete``, a preview of a changing shape may miss parts."""
-
-
-render_steps: Renderer = fast.render_steps
+render_steps = fast.render_steps  # yields None wherever it can be abandoned, and returns the render
 is_cached = fast.is_cached  # True if a render with the same arguments only evaluates colours
 
 
