@@ -192,7 +192,7 @@ def _borrowed(
     if float(coverage[solid].mean()) > _MOSTLY:
         return None
     texels, parts = surface_texels(fitted, rays, rendered)
-    normals = surface_normals(rays.origins, rays.directions, rendered)
+    normals = surface_normals(rays, rendered)
     panes = parts.get("glass", torch.zeros_like(rendered.opacity))
     grid = _warp(solid, panes, picture)
     colour = functional.grid_sample(picture.colour[None], grid[None], align_corners=False)[0]

@@ -152,7 +152,7 @@ def compare_photo(fitted: Instance, view: PhotoView) -> Generator[None, None, Co
     with torch.inference_mode():
         source = Rendered(source.colour.cpu(), source.depth.cpu(), source.opacity.cpu())
         rays = camera_rays(camera, torch.tensor(fitted.model.extent))
-        normals = surface_normals(rays.origins, rays.directions, source)
+        normals = surface_normals(rays, source)
         mask = resized(torch.from_numpy(rgba[None, ..., 3].copy()), source.opacity)[0]
         not_erased = smooth_step(
             distance(torch.from_numpy(view.kept(camera.width, high)), beyond=True), 0.0, _SHAPE_FADE

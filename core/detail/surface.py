@@ -53,18 +53,16 @@ def surface_texels(
     return texels, parts
 
 
-def surface_normals(
-    origins: Float[Tensor, "h w 3"], directions: Float[Tensor, "h w 3"], rendered: Rendered
-) -> Float[Tensor, "h w 3"]:
+def surface_normals(rays: Rays, rendered: Rendered) -> Float[Tensor, "h w 3"]:
     """Return unit normals towards the camera, from slightly smoothed depth."""
     opacity = rendered.opacity.clamp_min(1e-6)
     depth = blurred((rendered.depth * opacity)[None], 1.5)[0] / blurred(opacity[None], 1.5)[0].clamp_min(1e-6)
-    points = origins + directions * depth[..., None]
+    points = rays.origins + rays.directions * depth[..., None]
     padded = functional.pad(points.movedim(-1, 0)[None], (1,) * 4, mode="replicate")[0]
     sideways = padded[:, 1:-1, 2:] - padded[:, 1:-1, :-2]
     down = padded[:, 2:, 1:-1] - padded[:, :-2, 1:-1]
     normal = functional.normalize(torch.linalg.cross(sideways, down, dim=0).movedim(0, -1), dim=-1)
-    return torch.where((normal * directions).sum(-1, keepdim=True) > 0, -normal, normal)
+    return torch.where((normal * rays.directions).sum(-1, keepdim=True) > 0, -normal, normal)
 
 
 def surface_colours(source: Rendered) -> Float[Tensor, "3 h w"]:

@@ -188,7 +188,7 @@ def _measured(instance: Instance) -> dict[str, float]:
 
 
 def _shape_of(points: Float[Tensor, "points 3"]) -> _Shape:
-    low, high = _ends(points)
+    low, high = points.quantile(torch.tensor([_EDGE, 1 - _EDGE]), dim=0)
     unit_points = ((points - low) / (high - low).clamp_min(1e-6)).clamp(0, 1)
     upper = points[unit_points[:, 2] > 0.5]
     return _Shape(unit_points, _log_sizes(points), _log_sizes(upper if len(upper) > 2 else points))
@@ -198,24 +198,17 @@ def _log_sizes(points: Float[Tensor, "points 3"]) -> list[float]:
     return points.std(0).clamp_min(1e-6).log().tolist()
 
 
-def _ends(points: Float[Tensor, "points 3"]) -> tuple[Tensor, Tensor]:
-    low, high = points.quantile(torch.tensor([_EDGE, 1 - _EDGE]), dim=0)
-    return low, high
-
-
 def _roundness(unit_points: Float[Tensor, "points 3"]) -> float:
-    views = ((0, 2), (1, 2), (0, 1))
-    return sum(_empty_corners(unit_points[:, axes]) for axes in views) / len(views)
-
-
-def _empty_corners(unit_points: Float[Tensor, "points 2"]) -> float:
-    """Return the empty fraction of a silhouette's corners, 0..1."""
+    """Return the empty fraction of the corners of three silhouettes, 0..1."""
     cells = 20
     corner = round(cells * _CORNER)
-    filled = torch.zeros(cells, cells, dtype=torch.bool)
-    filled[tuple((unit_points * cells).long().clamp(0, cells - 1).T)] = True
     ends = (slice(0, corner), slice(cells - corner, cells))
-    return 1 - sum(float(filled[x, y].float().mean()) for x in ends for y in ends) / 4
+    empty = []
+    for axes in ((0, 2), (1, 2), (0, 1)):
+        filled = torch.zeros(cells, cells, dtype=torch.bool)
+        filled[tuple((unit_points[:, axes] * cells).long().clamp(0, cells - 1).T)] = True
+        empty.append(1 - sum(float(filled[x, y].float().mean()) for x in ends for y in ends) / 4)
+    return sum(empty) / len(empty)
 
 
 def _colours_of(points: Float[Tensor, "points 3"], colours: Float[Tensor, "points 3"]) -> _Colours:

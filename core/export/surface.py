@@ -7,7 +7,6 @@ agree on their shared plane and every edge has two triangles.
 
 import math
 from collections.abc import Generator
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -66,7 +65,7 @@ def extract_surface(
     surface: tuple[np.ndarray, np.ndarray] | None = None
     tries = (resolution,) if resolution else RESOLUTIONS
     for index, cells in enumerate(tries):
-        grid = _Grid.for_model(instance.model, cells)
+        grid = _Grid(instance.model, cells)
         begin, end = (number / len(tries) for number in (index, index + 1))
         surface = yield from subprogress(_marching_cubes(folded, occupancy, grid), begin, end)
         if surface is None:
@@ -86,22 +85,19 @@ def extract_surface(
     return surface
 
 
-@dataclass(frozen=True, eq=False)
 class _Grid:
-    """Corners over the model's box, with a layer of empty corners around it that closes every surface."""
+    """Corners over the model's box, with a layer of empty corners around it that closes every surface.
 
-    half: Float[np.ndarray, "3"]
-    counts: tuple[int, int, int]  # corners along x, y, z, including the empty ones
-    step: Float[np.ndarray, "3"]  # scene units from one corner to the next
-    interval: float  # scene units
+    Args:
+        resolution: cells along the longest side of the box.
+    """
 
-    @classmethod
-    def for_model(cls, model: Model, resolution: int) -> "_Grid":
-        """Return a grid of ``resolution`` cells along the longest side of a model's box."""
-        half = np.array(model.extent)
-        cells = [math.ceil(resolution * side / max(model.extent) - 1e-9) for side in model.extent]
-        steps = 2 * half / np.array(cells)
-        return cls(half, (cells[0] + 3, cells[1] + 3, cells[2] + 3), steps, interval_of(model))
+    def __init__(self, model: Model, resolution: int) -> None:
+        self.half = np.array(model.extent)
+        cells = np.ceil(resolution * self.half / self.half.max() - 1e-9).astype(int)
+        self.counts = (cells + 3).tolist()  # corners along x, y, z, including the empty ones
+        self.step = 2 * self.half / cells  # scene units from one corner to the next
+        self.interval = interval_of(model)  # scene units
 
     def points(self, first: int, last: int) -> Float[Tensor, "planes y z 3"]:
         """Return corners of planes ``first`` to ``last`` (exclusive) without the empty ones at the other sides."""

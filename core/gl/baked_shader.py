@@ -14,7 +14,7 @@ from jaxtyping import Float32
 from torch.nn import functional
 
 from core.detail.lookup import MIN_OPACITY, DetailMaps
-from core.geometry.camera import Camera, project
+from core.geometry.camera import Camera
 from core.gl.baked_field import LOGITS, MIN_LIGHT, BakedField
 from core.gl.camera_uniforms import camera_uniforms
 from core.gl.detail_shader import DetailTextures, glsl, uniforms
@@ -149,7 +149,7 @@ class BakedShader:
             side / 2 - first + baked.pixel_offset
             for side, first in zip((camera.width, camera.height), corner, strict=True)
         )
-        tiles, grid = _tiles(self._centres, baked, camera, size, middle)
+        tiles, grid = _tiles(self._centres, baked, camera, size, corner)
         if not len(tiles):
             return
         program = self._program(baked.detail)
@@ -222,17 +222,15 @@ def _tiles(
     baked: BakedField,
     camera: Camera,
     size: tuple[int, int],
-    middle: tuple[float, ...],
+    corner: tuple[int, int],
 ) -> tuple[Float32[np.ndarray, "tiles 4"], tuple[int, int]]:
     """Return the tiles that show occupied cells, and the size of the tile grid.
 
     A tile is its column, its row, and the nearest and the farthest distance of its cells.
     """
-    local = camera.to_camera_axes(centres)
-    lengths = camera.lengths_to(centres)
-    points = project(local, camera.focal, (0, 0)) + torch.tensor(middle)
-    reach = max(1.0, camera.magnification) * math.hypot(*(side / CELLS for side in baked.extent))
-    near, far = splat(local, lengths, points, reach, camera.focal, size)
+    radius = math.hypot(*(side / CELLS for side in baked.extent))
+    offset = baked.pixel_offset - corner[0], baked.pixel_offset - corner[1]
+    near, far = splat(camera, centres, radius, size, offset)
     row, column = (far > 0).nonzero(as_tuple=True)
     tiles = torch.stack((column, row, near[row, column], far[row, column]), -1)
     return tiles.float().numpy(), (near.shape[1], near.shape[0])

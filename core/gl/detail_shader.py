@@ -6,19 +6,8 @@ import moderngl
 import numpy as np
 import torch
 
-from core.detail.lookup import (
-    BESIDE,
-    DEPTH_FAR,
-    DEPTH_NEAR,
-    FACING,
-    FLAT,
-    NEAR,
-    NEAR_DEPTHS,
-    NEAR_FIRST,
-    STEEP,
-    DetailMaps,
-    PhotoMaps,
-)
+from core.detail import lookup
+from core.detail.lookup import NEAR, NEAR_DEPTHS, DetailMaps, PhotoMaps
 from core.edits.edit import UNIT, Edit
 from core.geometry.camera import Camera
 from core.gl.camera_uniforms import camera_uniforms
@@ -65,20 +54,20 @@ float photo_weights(
     vec4 hit = textureLod(surface, place, 0.0);  // normal and distance of the surface that the photo shows there
     float reached = length(away), behind = abs(reached - hit.a);
     vec3 ray = away / max(reached, 1e-6);
-    float facing = smooth_step(0.0, {FACING}, -dot(along, hit.xyz));
-    float steep = smooth_step({FLAT}, {STEEP}, -dot(ray, hit.xyz));
+    float facing = smooth_step(0.0, {lookup.FACING}, -dot(along, hit.xyz));
+    float steep = smooth_step({lookup.FLAT}, {lookup.STEEP}, -dot(ray, hit.xyz));
     vec3 line = proportions == vec3(1.0) ? along : normalize(along * proportions);
     float angle = dot(normalize(point * proportions - photo_origin[photo]), line);
-    float beside = smooth_step({BESIDE[0]}, {BESIDE[1]}, angle);
+    float beside = smooth_step({lookup.BESIDE[0]}, {lookup.BESIDE[1]}, angle);
     float inside = local.z < 0.0 && place == clamp(place, 0.0, 1.0) ? 1.0 : 0.0;
     near = inside * smooth_step({NEAR[0]}, {NEAR[1]}, angle) * smooth_step({NEAR_DEPTHS[0]}, {NEAR_DEPTHS[1]}, behind);
-    return inside * smooth_step({DEPTH_FAR}, {DEPTH_NEAR}, behind) * max(facing * steep, beside);
+    return inside * smooth_step({lookup.DEPTH_FAR}, {lookup.DEPTH_NEAR}, behind) * max(facing * steep, beside);
 }}
 vec3 detail(vec3 point, vec3 along, vec3 model) {{
     vec2 place;
     vec3 from = ORIGIN, turn = vec3(-1.0, 1.0, 1.0);
     vec4 own = vec4(0.0), twin = vec4(0.0);
-    float direct = 0.0, mirror = 0.0;{_EACH.replace("NEAR_FIRST", str(NEAR_FIRST))}
+    float direct = 0.0, mirror = 0.0;{_EACH.replace("NEAR_FIRST", str(lookup.NEAR_FIRST))}
     vec3 matched = model * (gain - 1.0) + offset;
     vec3 reflected = twin.rgb / max(twin.a, 1e-6) - model;
     return strength * mix(mix(matched, reflected, mirror), own.rgb / max(own.a, 1e-6) - model, direct);
@@ -151,25 +140,18 @@ class DetailTextures:
 
 def uniforms(maps: DetailMaps, camera: Camera) -> dict[str, Any]:
     """Return the uniforms of :func:`glsl` for a camera's image, without strength and samplers."""
-    origins: list[tuple[float, ...]] = []
-    axes: list[tuple[float, ...]] = []
-    focals: list[tuple[float, float]] = []
-    levels: list[float] = []
-    for index in range(MAX_PHOTOS):  # arrays must be written whole
-        photo = maps.photos[min(index, len(maps.photos) - 1)]
-        view = camera_uniforms(photo.camera)
-        origins.append(view["origin"])
-        axes.append(tuple(np.stack((view["right"], view["up"], view["backward"]), -1).ravel()))
-        focals.append((photo.camera.focal / photo.camera.width, photo.camera.focal / photo.camera.height))
-        levels.append(float(photo.level(camera)))
+    photos = [*maps.photos, *maps.photos[-1:] * MAX_PHOTOS][:MAX_PHOTOS]  # arrays must be written whole
+    cameras = [photo.camera for photo in photos]
+    views = [camera_uniforms(view) for view in cameras]
+    axes = [np.stack((view["right"], view["up"], view["backward"]), -1) for view in views]
     return {
         "photos": len(maps.photos),
         "mirrors": float(maps.other_side == "mirrored"),
         "gain": maps.match.gain,
         "offset": maps.match.offset,
-        "photo_origin": origins,
-        "photo_axes": axes,
-        "photo_focal": focals,
-        "level": levels,
+        "photo_origin": [view["origin"] for view in views],
+        "photo_axes": [tuple(matrix.ravel()) for matrix in axes],
+        "photo_focal": [(view.focal / view.width, view.focal / view.height) for view in cameras],
+        "level": [float(photo.level(camera)) for photo in photos],
         "proportions": maps.proportions or UNIT,
     } | {name: value for edit in maps.edits for name, value in edit.uniforms().items()}

@@ -8,7 +8,6 @@ the occupied cells.
 from collections.abc import Callable, Generator, Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
 
 import torch
 from jaxtyping import Float, Int
@@ -16,10 +15,10 @@ from torch import Tensor
 
 from core.geometry.camera import Camera
 from core.geometry.rays import Rays, rays_at_pixels
-from core.models.model import Instance, Model
+from core.models.model import Instance
 from core.rendering.folded_field import FoldedField, clear_folded
 from core.rendering.occupancy import Occupancy, Tolerances, shape_occupancy, tolerances
-from core.rendering.outline import Outline, outline
+from core.rendering.outline import outline
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, Cached, CacheKind, byte_count
 from core.runtime.layers import pad_rows
@@ -45,10 +44,10 @@ def render_steps(
     """
     folded = FoldedField.of(instance)
     shade = partial(_shade, folded)
-    key = VisibilityKey.of(instance, camera, samples, complete)
+    key = _key(instance, camera, samples, complete)
     cached: Sequence[Chunk] | None = CACHE.get(CacheKind.VIEW, key)
     if cached is None:
-        visible, slices = _visibility(folded, instance, key)
+        visible, slices = _visibility(folded, instance, instance.local_camera(camera), samples, complete)
         shaded = map_pieces(lambda rays: shade(visible(rays)), slices)
     else:
         shaded = map_pieces(shade, cached)
@@ -93,26 +92,15 @@ class Chunk(Cached):
     fraction: float  # the chunk's fraction of the view's rays, including empty ones
 
 
-class VisibilityKey(NamedTuple):
-    """The cache key of a view's visible intervals: everything that they depend on."""
-
-    model: Model
-    shape: tuple[Hashable, ...]  # :attr:`core.models.codes.Codes.shape_key`
-    camera: Camera  # :meth:`core.models.model.Instance.local_camera`
-    samples: int
-    complete: bool
-    outline: Outline | None
-
-    @classmethod
-    def of(cls, instance: Instance, camera: Camera, samples: int, complete: bool) -> "VisibilityKey":
-        """Return the key of an object seen from a camera."""
-        local = instance.local_camera(camera)
-        return cls(instance.model, instance.codes.shape_key, local, samples, complete, outline(instance))
-
-
 def is_cached(instance: Instance, camera: Camera, samples: int, complete: bool = True) -> bool:
     """True if the visible intervals of the view are cached: a render with these arguments only evaluates colours."""
-    return CACHE.get(CacheKind.VIEW, VisibilityKey.of(instance, camera, samples, complete)) is not None
+    return CACHE.get(CacheKind.VIEW, _key(instance, camera, samples, complete)) is not None
+
+
+def _key(instance: Instance, camera: Camera, samples: int, complete: bool) -> Hashable:
+    """Return everything that the visible intervals of a view depend on."""
+    shape = instance.model, instance.codes.shape_key, outline(instance)
+    return *shape, instance.local_camera(camera), samples, complete
 
 
 def clear_views() -> None:
@@ -127,23 +115,28 @@ def clear_cache() -> None:
 
 
 def _visibility(
-    folded: FoldedField, instance: Instance, view: VisibilityKey
+    folded: FoldedField, instance: Instance, camera: Camera, samples: int, complete: bool
 ) -> tuple[Callable[[slice], Chunk], list[slice]]:
-    """Return a function that finds the visible intervals of some rays, and the slices of rays to call it with."""
+    """Return a function that finds the visible intervals of some rays, and the slices of rays to call it with.
+
+    Args:
+        camera: of the object's own space.
+    """
+    pixel_offset = instance.model.pixel_offset
     with torch.inference_mode():
-        occupancy = shape_occupancy(instance, view.complete)
-        first, last = occupancy.depth_range(view.camera, view.model.pixel_offset)
+        occupancy = shape_occupancy(instance, complete)
+        first, last = occupancy.depth_range(camera, pixel_offset)
         pixel = (first < last).flatten().nonzero()[:, 0]
         first = first.flatten().index_select(0, pixel)
         last = last.flatten().index_select(0, pixel)
-        step = 2 * float(occupancy.extent.max()) / view.samples
-        limits = tolerances(view.samples)
+        step = 2 * float(occupancy.extent.max()) / samples
+        limits = tolerances(samples)
 
     def visible(piece: slice) -> Chunk:
         with torch.inference_mode():
             index = pixel[piece]
-            centres = torch.stack((index % view.camera.width, index // view.camera.width), -1) + 0.5
-            rays = rays_at_pixels(centres - view.model.pixel_offset, view.camera, occupancy.extent)
+            centres = torch.stack((index % camera.width, index // camera.width), -1) + 0.5
+            rays = rays_at_pixels(centres - pixel_offset, camera, occupancy.extent)
             # Rays are limited to the first and the last occupied cell behind their pixel.
             near = torch.maximum(rays.near, first[piece])
             rays = replace(rays, near=near, far=torch.maximum(near, torch.minimum(rays.far, last[piece])))

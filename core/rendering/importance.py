@@ -77,18 +77,11 @@ def render_top_samples(
         weights, transmittance = compositing_weights(densities.scatter(1, top, density).reshape(depths.shape), edges)
     else:
         rgb = batch_colour(model, positions, directions[objects, ray], shape_bias, texture_bias)
-    return _composite(rgb, weights.flatten(1).gather(1, top)[..., None], ray, transmittance[..., None])
-
-
-def _composite(
-    rgb: Float[Tensor, "objects top 3"],
-    weight: Float[Tensor, "objects top 1"],
-    ray: Int[Tensor, "objects top"],
-    transmittance: Float[Tensor, "objects views rays 1"],
-) -> Float[Tensor, "objects views rays 4"]:
-    """Return rgb on white and opacity of rays whose light all has the mean colour of their top samples."""
-    light = torch.zeros(len(transmittance), transmittance[0].numel(), 4, device=rgb.device)
+    weight = weights.flatten(1).gather(1, top)[..., None]
+    light = torch.zeros(len(points), transmittance[0].numel(), 4, device=rgb.device)
     light = light.scatter_add(1, ray[..., None].expand(-1, -1, 4), torch.cat((weight * rgb, weight), -1))
-    light = light.reshape(*transmittance.shape[:-1], 4)
+    light = light.reshape(*transmittance.shape, 4)
+    # All light of a ray has the mean colour of its top samples.
     colour = torch.where(light[..., 3:] > 0, light[..., :3] / light[..., 3:].clamp_min(1e-6), 1.0)
+    transmittance = transmittance[..., None]
     return torch.cat((colour * (1 - transmittance) + transmittance, 1 - transmittance), -1)

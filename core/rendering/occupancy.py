@@ -18,7 +18,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.edits.edit import Edit
-from core.geometry.camera import Camera, project
+from core.geometry.camera import Camera
 from core.geometry.rays import Rays
 from core.models.cells import contains, corner_points, corners_of, divide, max_of_corners, with_neighbours
 from core.models.latents import Latents
@@ -209,13 +209,10 @@ class Occupancy(Cached):
         Args:
             pixel_offset: see :func:`core.geometry.rays.camera_rays`.
         """
-        local = camera.to_camera_axes(self._centres)
-        points = project(local, camera.focal, (camera.width, camera.height)) + pixel_offset
-        reach = max(1.0, camera.magnification) * float((self.cell * _COARSE_FACTOR).norm()) / 2
-        lengths = camera.lengths_to(self._centres)
-        tiles = splat(local, lengths, points, reach, camera.focal, (camera.width, camera.height))
+        radius = float((self.cell * _COARSE_FACTOR).norm()) / 2
+        tiles = splat(camera, self._centres, radius, (camera.width, camera.height), (pixel_offset, pixel_offset))
         rows, columns = (
-            ((torch.arange(pixels, device=local.device) + 0.5) * (count / pixels)).long()
+            ((torch.arange(pixels, device=self.cell.device) + 0.5) * (count / pixels)).long()
             for pixels, count in zip((camera.height, camera.width), tiles[0].shape, strict=True)
         )
         near, far = (tile.index_select(0, rows).index_select(1, columns) for tile in tiles)

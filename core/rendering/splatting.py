@@ -4,14 +4,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from core.geometry.camera import Camera, project
+
 
 def splat(
-    local: Float[Tensor, "cells 3"],
-    lengths: Float[Tensor, "cells"],
-    points: Float[Tensor, "cells 2"],
-    reach: float,
-    focal: float,
+    camera: Camera,
+    centres: Float[Tensor, "cells 3"],
+    radius: float,
     size: tuple[int, int],
+    offset: tuple[float, float],
 ) -> tuple[Float[Tensor, "rows columns"], Float[Tensor, "rows columns"]]:
     """Return the nearest and the farthest distance of the cells behind each tile of an image; near > far: none.
 
@@ -19,15 +20,18 @@ def splat(
     centre, so no cell is missed.
 
     Args:
-        local: centres of cells in camera axes, scene units.
-        lengths: distances from the camera to these along rays (:meth:`core.geometry.camera.Camera.lengths_to`).
-        points: projected centres, px.
-        reach: scene units, half of a cell's diagonal as seen, at least.
-        size: px, width and height of the image.
+        centres: of cells, scene units.
+        radius: half of a cell's diagonal, scene units.
+        size: px, width and height of the image, which may be a section of the camera's.
+        offset: px, from the camera's image to this one.
     """
+    local = camera.to_camera_axes(centres)
+    lengths = camera.lengths_to(centres)
+    points = project(local, camera.focal, (camera.width, camera.height)) + local.new_tensor(offset)
+    reach = max(1.0, camera.magnification) * radius
     depth = -local[:, 2]
     closest = float((depth.amin() if len(depth) else torch.tensor(1.0)).clamp_min(1e-3))
-    side = max(1.0, reach * focal / closest)
+    side = max(1.0, reach * camera.focal / closest)
     columns, rows = (max(1, -int(-pixels // side)) for pixels in size)
     # A margin of one tile holds centres of cells that reach in from outside; one more, all others.
     x = (points[:, 0] * (columns / size[0])).floor().long() + 1

@@ -237,7 +237,7 @@ def test_a_ball_has_the_normals_of_a_ball() -> None:
     camera = Camera(0.4, 0.3, 2.0, 500.0, 256, 256)
     rays, rendered = ball(camera)
     points = rays.origins + rays.directions * rendered.depth[..., None]
-    normals = surface_normals(rays.origins, rays.directions, rendered)
+    normals = surface_normals(rays, rendered)
     inside = points.norm(dim=-1) < 0.401
     cosine = (normals * points / 0.4).sum(-1)
     middle = inside & (-(normals * rays.directions).sum(-1) > 0.6)
@@ -257,7 +257,7 @@ def test_photo_detail_fades_out_without_a_visible_step() -> None:
     """On a grey ball whose photo is lighter by 40 of 255, neighbouring pixels differ by 4 of 255 at most."""
     source = Camera(0.4, 0.3, 2.0, 300.0, 256, 256)
     rays, rendered = ball(source)
-    normals = surface_normals(rays.origins, rays.directions, rendered)
+    normals = surface_normals(rays, rendered)
     weight = paint_weight(rendered.opacity, rendered)
     fine = torch.cat((torch.full((3, *weight.shape), 0.66), packed(weight, torch.ones_like(weight))[None]))
     surface = torch.cat((normals, rendered.depth[..., None]), -1).movedim(-1, 0)

@@ -15,7 +15,7 @@ from core.edits.stretch import Stretch
 from core.export.mesh import MeshSettings, export_mesh, extract_mesh
 from core.export.surface import TOLERANCE
 from core.export.triangle_mesh import Mesh
-from core.geometry.camera import WORLD_FROM_GLTF
+from core.geometry.camera import WORLD_FROM_GLTF, Factors
 from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.rendering import fast
@@ -204,6 +204,12 @@ def test_a_mesh_has_no_more_triangles_than_its_settings(texture: int, tiny: Mode
     np.testing.assert_allclose(read.bounds, np.sort(solid(full).bounds @ WORLD_FROM_GLTF, 0), atol=0.02)
 
 
+def world_vertices(path: Path) -> np.ndarray:
+    """The vertices of a file in the world's axes."""
+    vertices = trimesh.load_scene(path, process=False).to_geometry().vertices
+    return vertices if path.suffix == ".ply" else vertices @ WORLD_FROM_GLTF.T
+
+
 def seen_by_its_camera(path: Path) -> np.ndarray:
     """The places (px) at which a .glb file's camera of 96 x 64 px sees the vertices."""
     document = gltf_of(path)
@@ -222,8 +228,7 @@ def test_the_camera_of_a_glb_sees_the_object_where_the_photo_does(settings: Mesh
     camera = tiny.camera(0.7, 0.4).resized(96, 64)
     list(export_mesh(tiny[0], tmp_path / "stool.glb", settings, camera))
     list(export_mesh(tiny[0], tmp_path / "plain.glb", MeshSettings(32, texture=settings.texture)))
-    world = trimesh.load_scene(tmp_path / "plain.glb", process=False).to_geometry().vertices @ WORLD_FROM_GLTF.T
-    expected = camera.project(torch.from_numpy(world).float()).numpy()
+    expected = camera.project(torch.from_numpy(world_vertices(tmp_path / "plain.glb")).float()).numpy()
     np.testing.assert_allclose(seen_by_its_camera(tmp_path / "stool.glb"), expected, atol=0.02)
 
 
@@ -241,27 +246,21 @@ def test_the_camera_of_a_sized_glb_sees_the_object_where_pictures_do(tiny: Model
 @pytest.mark.parametrize("name", ["stool.glb", "stool.ply"])
 def test_a_mesh_in_metres_stands_on_the_ground(name: str, tiny: Model, tmp_path: Path):
     list(export_mesh(tiny[0], tmp_path / name, MeshSettings(32, metres=0.9)))
-    low, high = trimesh.load_scene(tmp_path / name, process=False).bounds
-    up = 1 if name.endswith(".glb") else 2
-    assert low[up] == pytest.approx(0, abs=1e-5)
-    np.testing.assert_allclose(np.delete(low + high, up), 0, atol=1e-5)
+    low, high = np.quantile(world_vertices(tmp_path / name), (0, 1), axis=0)
+    np.testing.assert_allclose((*(low + high)[:2], low[2]), 0, atol=1e-5)
     assert (high - low).max() == pytest.approx(0.9)
 
 
-@pytest.mark.parametrize("name", ["stool.glb", "stool.obj", "stool.ply"])
-@pytest.mark.parametrize("texture", [0, 64])
-def test_a_sized_object_measures_its_size(name: str, texture: int, tiny: Model, tmp_path: Path):
-    if texture and name != "stool.glb":
-        return
+@pytest.mark.parametrize(("suffix", "texture"), [(".glb", 0), (".glb", 64), (".obj", 0), (".ply", 0)])
+@pytest.mark.parametrize(("metres", "size"), [(None, (0.60, 0.58, 0.92)), (0.46, (0.30, 0.29, 0.46))])
+def test_a_sized_object_measures_its_size(
+    suffix: str, texture: int, metres: float | None, size: Factors, tiny: Model, tmp_path: Path
+):
     stool = sized(tiny[0], width=60.0, depth=58.0, height=92.0)
-    list(export_mesh(stool, tmp_path / name, MeshSettings(32, texture=texture)))
-    low, high = trimesh.load_scene(tmp_path / name, process=False).bounds
-    expected = (0.60, 0.58, 0.92) if name.endswith(".ply") else (0.60, 0.92, 0.58)
-    np.testing.assert_allclose(high - low, expected, atol=1e-4)
-    assert low[expected.index(0.92)] == pytest.approx(0, abs=1e-5)
-    list(export_mesh(stool, tmp_path / name, MeshSettings(32, metres=0.46, texture=texture)))
-    low, high = trimesh.load_scene(tmp_path / name, process=False).bounds
-    np.testing.assert_allclose(high - low, np.array(expected) / 2, atol=1e-4)
+    path = tmp_path / f"stool{suffix}"
+    list(export_mesh(stool, path, MeshSettings(32, metres=metres, texture=texture)))
+    np.testing.assert_allclose(np.ptp(world_vertices(path), axis=0), size, atol=1e-4)
+    assert world_vertices(path)[:, 2].min() == pytest.approx(0, abs=1e-5)
 
 
 def test_legs_of_a_mesh_are_as_long_as_they_were_sized(tmp_path: Path):
@@ -270,8 +269,7 @@ def test_legs_of_a_mesh_are_as_long_as_they_were_sized(tmp_path: Path):
     with use_dtype(torch.float32):
         list(export_mesh(split, tmp_path / "chair.glb", MeshSettings(64)))
         natural = run_to_end(extract_mesh(chair, 64)).vertices
-    scene = trimesh.load_scene(tmp_path / "chair.glb", process=False)
-    written = scene.to_geometry().vertices @ WORLD_FROM_GLTF.T
+    written = world_vertices(tmp_path / "chair.glb")
     np.testing.assert_allclose(np.ptp(written, axis=0), (0.60, 0.58, 0.92), atol=1e-4)
 
     def underside(vertices: np.ndarray) -> float:

@@ -66,7 +66,6 @@ def test_chairs_have_their_own_parts_and_a_seat_ends_below_the_back():
     chairs = load_model("chairs")
     stool = chairs[chairs.codes.index["blendswap_cc_0_stool2"]]
     assert [name for name, _ in run_to_end(extract_mesh(stool, 64)).part_counts] == ["seat", "legs"]
-    chairs = load_model("chairs")
     chair = chairs[chairs.codes.index["quaternius_oct2017_chaircushioned"]]
     mesh = run_to_end(extract_mesh(chair, 64))
     heights = {name: mesh.vertices[faces][..., 2] for name, faces in triangles_by_part(mesh)}

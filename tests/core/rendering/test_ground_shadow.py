@@ -1,6 +1,7 @@
 """The ground shadow against explicit sums, and its drawing by OpenGL against the computed one."""
 
 import math
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -106,39 +107,39 @@ def test_the_ground_lies_where_the_object_ends_between_two_layers(
     assert solid_shadow(density).height == pytest.approx(EXTENT[2] * (expected * SIDE - 1), abs=0.02 * SIDE)
 
 
+def drawn(
+    gl: moderngl.Context, shadow: GroundShadow, camera: Camera, size: tuple[int, int], *section: Any, **ring: Any
+) -> np.ndarray:
+    """The pixels that OpenGL draws over white."""
+    texture = gl.texture(size, 4)
+    target = gl.framebuffer([texture])
+    shader = GroundShader(gl)
+    target.use()
+    target.clear(1.0, 1.0, 1.0, 1.0)
+    shader.draw(shadow, camera, size, *section, **ring)
+    pixels = np.frombuffer(texture.read(), np.uint8).reshape(*size[::-1], 4)
+    for resource in (shader, target, texture):
+        resource.release()
+    return pixels
+
+
 @pytest.mark.parametrize("elevation", [-1.2, -0.5, 0.02, 0.3, 1.5])
 def test_opengl_draws_the_computed_shadow(gl: moderngl.Context, shadow: GroundShadow, elevation: float) -> None:
     """Drawn in a section of the camera's image; from below the ground, there is no shadow."""
     camera = Camera(0.7, elevation, 1.6, 90.0, 96, 96)
     expected = shadow.seen_by(camera).numpy()
-    texture = gl.texture((64, 48), 4)
-    target = gl.framebuffer([texture])
-    shader = GroundShader(gl)
-    target.use()
-    target.clear(1.0, 1.0, 1.0, 1.0)
-    shader.draw(shadow, camera, (64, 48), (20, 40))
-    drawn = np.frombuffer(texture.read(), np.uint8).reshape(48, 64, 4)[..., 0] / 255
-    assert np.abs(drawn - (1 - expected[40:88, 20:84])).max() < 0.012
+    pixels = drawn(gl, shadow, camera, (64, 48), (20, 40))[..., 0] / 255
+    assert np.abs(pixels - (1 - expected[40:88, 20:84])).max() < 0.012
     assert (expected.max() > 0.02) == (elevation > 0)
-    for resource in (shader, target, texture):
-        resource.release()
 
 
 def test_a_ring_is_green_where_a_photo_saw_the_object(shadow: GroundShadow, gl: moderngl.Context) -> None:
-    texture = gl.texture((200, 200), 4)
-    target = gl.framebuffer([texture])
-    shader = GroundShader(gl)
-    target.use()
-    target.clear(1.0, 1.0, 1.0, 1.0)
     overhead = Camera(0.0, math.pi / 2 - 1e-3, 3.0, 300.0, 200, 200)
-    shader.draw(shadow, overhead, (200, 200), azimuths=(math.pi / 2,))
-    pixels = np.frombuffer(texture.read(), np.uint8).reshape(200, 200, 4).astype(int)
+    pixels = drawn(gl, shadow, overhead, (200, 200), azimuths=(math.pi / 2,)).astype(int)
     green = pixels[..., 1] - pixels[..., 0] > 60
     grey = (np.ptp(pixels[..., :3], axis=-1) < 8) & (np.abs(pixels[..., 0] - 150) < 25)
     between = np.nonzero(green)[1].mean() - np.nonzero(grey)[1].mean()
     assert between > 25  # px: y points to the right, seen from above at azimuth 0
-    for resource in (shader, target, texture):
-        resource.release()
 
 
 def test_the_shadow_lies_between_object_and_background() -> None:
