@@ -96,8 +96,8 @@ def shown_views(views: Sequence[View], path: Path, rate: int) -> Sequence[View]:
 
 
 class _Sink:
-    def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
-        """Write a frame."""
+    def add(self, index: int, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        """Write a frame, counted from 0."""
         raise NotImplementedError
 
     def finish(self) -> None:
@@ -113,6 +113,7 @@ class _Encoder:
     def __init__(self, sink: _Sink) -> None:
         self._sink = sink
         self._thread = ThreadPoolExecutor(1, "encoder")
+        self._count = 0
         self._waiting = deque[Future[None]]()
 
     def __enter__(self) -> "_Encoder":
@@ -123,7 +124,8 @@ class _Encoder:
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
         """Pass a frame on; wait if too many are queued."""
-        self._waiting.append(self._thread.submit(self._sink.add, image))
+        self._waiting.append(self._thread.submit(self._sink.add, self._count, image))
+        self._count += 1
         if len(self._waiting) > _WAITING:
             self._waiting.popleft().result()
 
@@ -161,8 +163,8 @@ class _Mp4(_Av):
         self._stream.time_base = Fraction(1, settings.rate)
         self._label(self._stream.codec_context)
 
-    def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
-        if not self._stream.codec_context.is_open:  # H.264 with 4:2:0 colour needs even sizes
+    def add(self, index: int, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        if not index:  # H.264 with 4:2:0 colour needs even sizes
             self._stream.height, self._stream.width = (side - side % 2 for side in image.shape[:2])
         even = np.ascontiguousarray(image[: self._stream.height, : self._stream.width])
         frame = self._av.VideoFrame.from_ndarray(even, format="rgb24")
@@ -183,20 +185,18 @@ class _Gif(_Sink):
     def __init__(self, path: Path, settings: VideoSettings) -> None:
         self._file = path.open("wb")
         self._settings = settings
-        self._count = 0
         self._previous: Image.Image | None = None
 
-    def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
-        if not self._count:
+    def add(self, index: int, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        if not index:
             self._file.write(b"GIF89a" + struct.pack("<HHBBB", image.shape[1], image.shape[0], 0, 0, 0) + _ENDLESS)
         frame = self._reduced(Image.fromarray(image))
         box = self._changed(frame)
-        duration = 10 * (self._centiseconds(self._count + 1) - self._centiseconds(self._count))
+        duration = 10 * (self._centiseconds(index + 1) - self._centiseconds(index))
         options = {"transparency": 255, "disposal": 2} if self._settings.background is None else {}
         cropped = frame.crop(box)
         self._file.writelines(getdata(cropped, box[:2], duration=duration, include_color_table=True, **options))
         self._previous = frame
-        self._count += 1
 
     def _reduced(self, frame: Image.Image) -> Image.Image:
         """Reduce a frame to its palette; index 255 marks transparent pixels, as gif has no partial opacity."""
@@ -236,27 +236,23 @@ class _Webp(_Av):
         self._stream.pix_fmt = "bgra"
         self._stream.codec_context.time_base = Fraction(1, 1000)
         self._rate = settings.rate
-        self._count = 0
 
-    def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
-        if not self._count:
+    def add(self, index: int, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        if not index:
             self._stream.height, self._stream.width = image.shape[:2]
         frame = self._av.VideoFrame.from_ndarray(image, format="rgb24" if image.shape[2] == 3 else "rgba")
         frame = frame.reformat(format="bgra")
-        frame.pts = round(1000 * self._count / self._rate)
+        frame.pts = round(1000 * index / self._rate)
         frame.time_base = Fraction(1, 1000)
         self._container.mux(self._stream.encode(frame))
-        self._count += 1
 
 
 class _Frames(_Sink):
     def __init__(self, path: Path, settings: VideoSettings) -> None:
         self._path = path
-        self._count = 0
 
-    def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
-        Image.fromarray(image).save(self._path / f"{self._count:05d}.png")
-        self._count += 1
+    def add(self, index: int, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        Image.fromarray(image).save(self._path / f"{index:05d}.png")
 
 
 class VideoFormat(NamedTuple):

@@ -174,8 +174,8 @@ def test_animations_are_encoded_as_frames_come(suffix: str, transparent: bool, t
     path = tmp_path / f"a{suffix}"
     with closing(FORMATS[suffix].sink(path, settings)) as sink:
         count = images_in_memory()
-        for shot in shots:
-            sink.add(shot if transparent else shot[..., :3].copy())
+        for index, shot in enumerate(shots):
+            sink.add(index, shot if transparent else shot[..., :3].copy())
         assert images_in_memory() <= count + 1
         sink.finish()
     with Image.open(path) as video:
