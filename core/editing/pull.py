@@ -42,8 +42,6 @@ def pull_on(instance: Instance, natural: Bounds, camera: Camera, name: str, poin
     """Return the pull that moves a point with the hand; None if the camera sees its motion end on.
 
     Args:
-        natural: the object's natural bounds.
-        name: of the length.
         point: scene units as the camera sees them.
     """
     box = shown_bounds(instance, natural)
@@ -72,7 +70,6 @@ def find_pull(
     """Return the pull on a part that follows the axis of a drag: upwards it is the height, of legs their length.
 
     Args:
-        natural: the object's natural bounds.
         point: where the surface is pulled, scene units as the camera sees them.
         drag: px, right and down.
     """

@@ -70,11 +70,7 @@ def sized(instance: Instance, **cm: float) -> Instance:
 
 
 def lengths(instance: Instance, natural: Bounds) -> dict[str, float]:
-    """Return the lengths of an object in cm that can be changed: its sides, and legs or roof, if it has any.
-
-    Args:
-        natural: its natural bounds.
-    """
+    """Return the lengths of an object in cm that can be changed: its sides, and legs or roof, if it has any."""
     bounds = natural.after(instance.codes.edits_of("size"))
     portion = portion_of(instance.model)
     portions = {portion.name: bounds.length(portion)} if portion and bounds.plane is not None else {}
@@ -103,9 +99,7 @@ def with_side(instance: Instance, axis: int, factor: float) -> Instance:
 def with_portion(instance: Instance, natural: Bounds, length: float, keeps_height: bool = False) -> Instance:
     """Return an object with legs or a roof of a length in cm, as near as limits allow.
 
-    Args:
-        natural: its natural bounds, with a plane.
-        keeps_height: of the object; False: the rest of it keeps its height.
+    Its natural bounds have a plane. With ``keeps_height`` the whole object keeps its height, else the rest of it.
     """
     portion = portion_of(instance.model)
     assert portion is not None and natural.plane is not None

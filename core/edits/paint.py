@@ -52,12 +52,7 @@ class PartPaint(Edit):
     def membership(
         self, colours: Float[Tensor, "*places 3"], parts: Mapping[str, Float[Tensor, "*places"]]
     ) -> Float[Tensor, "*places"]:
-        """Return each place's membership of the part, 0..1.
-
-        Args:
-            colours: the network's.
-            parts: probabilities of the model's parts; a part that the model lacks has no place.
-        """
+        """Return each place's membership of the part, 0..1; 0 if the model lacks the part."""
         if self.materials:
             material, opposite = (colours.new_tensor(colour) for colour in self.materials)
             nearer = (colours - opposite).norm(dim=-1) - (colours - material).norm(dim=-1)
@@ -70,11 +65,7 @@ class PartPaint(Edit):
         return _certain(fraction)
 
     def membership_in_photo(self, shares: Mapping[str, Float[Tensor, "*places"]]) -> Float[Tensor, "*places"]:
-        """Return the share of the part's paint in a photo's pixels, whose colours tell more than the network's.
-
-        Args:
-            shares: those of parts and materials.
-        """
+        """Return the share of the part's paint in a photo's pixels, from those of all parts and materials."""
         fraction = shares.get(self.part)
         return torch.zeros_like(next(iter(shares.values()))) if fraction is None else _certain(fraction.clamp(0, 1))
 

@@ -126,12 +126,7 @@ def _linear(colours: Float[np.ndarray, "vertices 3"]) -> UInt16[np.ndarray, "ver
 
 
 def _camera_node(camera: Camera, origin: Float[np.ndarray, "3"], scale: float) -> tuple[dict[str, Any], list[float]]:
-    """Return a camera's entry, and the matrix of its node.
-
-    Args:
-        origin: the file's origin in the world, scene units.
-        scale: file units per scene unit.
-    """
+    """Return a camera's entry, and the matrix of its node, for the ``view`` of :func:`glb`."""
     rotation, position = (tensor.numpy() for tensor in camera.world_to_camera(torch.device("cpu")))
     matrix = np.eye(4)
     # Rows of the rotation are the camera's axes right, up, backward: glTF's convention, too.

@@ -34,11 +34,7 @@ _BUMPER, _BETWEEN_WHEELS = 0.03, 0.4  # without wheels: of a car's length at eit
 def by_part(
     model: Model, folded: FoldedField, vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"]
 ) -> tuple[Int[np.ndarray, "faces 3"], MeshParts]:
-    """Sort triangles by part and count each part's; a single part if the model has no part head.
-
-    Args:
-        vertices: world, scene units.
-    """
+    """Sort triangles by part and count each part's; a single part if the model has no part head."""
     if not model.part_head:
         return faces, ((model.noun or "object", len(faces)),)
     labels = _label_faces(model.part_head, folded, vertices, faces)

@@ -38,11 +38,7 @@ def render_frames(
 ) -> Iterator[Image | None]:
     """Yield every frame, as large as its camera, with None many times in between.
 
-    Frames are baked unless rendering is faster or requested; views of another model begin another part.
-
-    Args:
-        exact: render every frame with the network.
-        shadow: include the object's shadow on the ground.
+    Frames are baked unless rendering by the network is faster or requested (``exact``).
     """
     frames = _distinct_frames(list(dict.fromkeys(views)), background, exact, shadow)
     repeats = Counter(views)
@@ -107,11 +103,7 @@ def exact_frames(
     shadow: bool = False,
     samples: int = RenderSettings.samples,
 ) -> Iterator[Image | None]:
-    """Yield every frame rendered by the network with a ray for each pixel, with None many times in between.
-
-    Args:
-        samples: of a ray.
-    """
+    """Yield every frame rendered by the network with a ray for each pixel, with None many times in between."""
     settings = RenderSettings(samples, (1,))
     for view in views:
         for frame in render_progressively(RenderJob(*view, settings, shadow=shadow)):

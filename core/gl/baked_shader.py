@@ -101,7 +101,8 @@ class BakedShader:
         self._detail = DetailTextures(context)
         self._programs = dict[str, moderngl.Program]()  # by fragment shader
         self._texels: moderngl.Texture3D | None = None
-        self._distance: moderngl.Texture3D | None = None
+        self._distance = context.texture3d((CELLS,) * 3, 1, dtype="u1")
+        self._distance.filter = moderngl.NEAREST, moderngl.NEAREST
         self._baked: BakedField | None = None
 
     def upload(self, baked: BakedField) -> None:
@@ -116,9 +117,6 @@ class BakedShader:
             self._texels.repeat_x = self._texels.repeat_y = self._texels.repeat_z = False
         if self._baked is None or self._baked.texels is not baked.texels:
             self._texels.write(np.ascontiguousarray(baked.texels))
-        if self._distance is None:
-            self._distance = self._context.texture3d((CELLS,) * 3, 1, dtype="u1")
-            self._distance.filter = moderngl.NEAREST, moderngl.NEAREST
         if self._baked is None or self._baked.distance is not baked.distance:
             self._distance.write(np.ascontiguousarray(baked.distance))
             self._centres = _occupied_centres(baked)
@@ -143,7 +141,7 @@ class BakedShader:
             corner: left and top of the framebuffer in the camera's image, px.
         """
         baked = self._baked
-        assert baked is not None and self._texels is not None and self._distance is not None, "upload a field first"
+        assert baked is not None and self._texels is not None, "upload a field first"
         camera = camera.stretched(baked.proportions)
         middle = tuple(
             side / 2 - first + baked.pixel_offset

@@ -84,11 +84,7 @@ class BakedShape(Cached):
 def _bake_shape(
     model: Model, folded: FoldedField, occupancy: Occupancy, cells: int
 ) -> Generator[None, None, BakedShape]:
-    """Evaluate densities in the occupied cells, and features at the surface; yields after every few thousand corners.
-
-    Args:
-        cells: of the grid, along each axis of the scene's box; a multiple of :data:`~core.rendering.occupancy.CELLS`.
-    """
+    """Evaluate densities in the occupied cells and features at the surface; yields after every few thousand corners."""
     box = box_of(occupancy.cells, cells)
     config = model.field.config
     cell = 2 * max(model.extent) / cells
@@ -285,9 +281,6 @@ def prefilter(
     """Prefilter values at corners for unbiased linear interpolation: subtract a twelfth of the second differences.
 
     L. Condat, T. Blu and M. Unser, "Beyond interpolation: optimal reconstruction by quasi-interpolation", ICIP 2005.
-
-    Args:
-        neighbours: see :func:`_neighbours`.
     """
     return 1.5 * values - functional.embedding_bag(neighbours, values, mode="sum") / 12
 

@@ -78,10 +78,7 @@ vec3 detail(vec3 point, vec3 along, vec3 model) {{
 def glsl(edits: tuple[Edit, ...]) -> str:
     """Return a function ``detail(point, along, model)``, and the uniforms that it declares.
 
-    It returns the change of the model's colour at a point seen along a unit vector.
-
-    Args:
-        edits: those of :class:`core.detail.lookup.DetailMaps`.
+    It returns the change of the model's colour at a point of an edited object, seen along a unit vector.
     """
     moving = [edit for edit in edits if edit.glsl]
     origin = "point"

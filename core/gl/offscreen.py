@@ -35,10 +35,10 @@ void main() {
 
 
 class OffscreenRenderer:
-    """Draws baked fields into square images. Use it as a context manager, on one thread.
+    """Draws baked fields into images. Use it as a context manager, on one thread.
 
     Args:
-        size: px along each side.
+        size: px, width and height.
         supersampling: samples of a pixel along each axis.
         background: None: images are transparent.
 
@@ -48,7 +48,6 @@ class OffscreenRenderer:
     def __init__(
         self, size: tuple[int, int], supersampling: int = 1, background: Background | None = (255,) * 3
     ) -> None:
-        """Prepare images of ``size`` (width, height), px."""
         try:
             self._context = moderngl.create_context(standalone=True, backend="egl", require=330)  # type: ignore[arg-type]
         except Exception as error:  # moderngl raises bare Exception

@@ -204,10 +204,8 @@ class Occupancy(Cached):
     ) -> tuple[Float[Tensor, "height width"], Float[Tensor, "height width"]]:
         """Return the nearest and the farthest distance of occupied cells behind every pixel; near > far: none.
 
-        Coarse cells are splatted (:func:`splat`), so a range may be too long, never too short.
-
-        Args:
-            pixel_offset: see :func:`core.geometry.rays.camera_rays`.
+        Coarse cells are splatted (:func:`splat`), so a range may be too long, never too short. The offset is that of
+        :func:`core.geometry.rays.camera_rays`.
         """
         radius = float((self.cell * _COARSE_FACTOR).norm()) / 2
         tiles = splat(camera, self._centres, radius, (camera.width, camera.height), (pixel_offset, pixel_offset))

@@ -112,11 +112,13 @@ def outline(instance: Instance) -> Outline | None:
         return None
     fitted = instance.fitted
     bounding = [Silhouette(view, view.outline_margin, fitted) for view in detail.views if view.outline_margin]
-    mirrored = tuple(detail.other_side != "model" and _is_symmetric(silhouette) for silhouette in bounding)
+    mirrors = detail.other_side != "model"
+    mirrored = tuple(mirrors and coherence(silhouette) >= _SYMMETRIC_ABOVE for silhouette in bounding)
     widened = tuple(silhouette._replace(margin=silhouette.margin / strength) for silhouette in bounding)
     return Outline(widened, mirrored, strength, edits_to_fitted(instance)) if bounding else None
 
 
+@lru_cache(maxsize=16)
 def coherence(silhouette: Silhouette) -> float:
     """Return the fraction of the mask whose rays cross the mirrored mask within the scene's box.
 
@@ -129,11 +131,6 @@ def coherence(silhouette: Silhouette) -> float:
     on_mask = silhouette.weight(points.select(-2, _COHERENCE_SAMPLES // 2)) == 1
     crossed = (silhouette.weight(_mirror(points)) > 0).any(-1)
     return float((on_mask & crossed).sum() / on_mask.sum().clamp_min(1))
-
-
-@lru_cache(maxsize=16)
-def _is_symmetric(silhouette: Silhouette) -> bool:
-    return coherence(silhouette) >= _SYMMETRIC_ABOVE
 
 
 @lru_cache(maxsize=16)
