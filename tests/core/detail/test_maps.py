@@ -97,7 +97,6 @@ def test_photo_detail_changes_neither_opacity_nor_depth(tiny: Model, instance: I
 
 
 def test_the_other_side_is_mirrored_or_the_models(tiny: Model, instance: Instance) -> None:
-    assert instance.detail is not None
     behind = tiny.camera(np.pi - 1.1, 0.3).resized(SIZE, SIZE)
     frames = [render_frame(instance.with_detail(replace(instance.detail, other_side=side)), behind) for side in SIDES]
     mirrored_light, unmirrored_light = (frame.sources[..., 1].sum() for frame in frames if frame.sources is not None)

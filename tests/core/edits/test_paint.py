@@ -45,7 +45,6 @@ def test_a_paint_leaves_places_of_other_parts_exactly_as_they_were(chair: Instan
     colours = torch.rand(99, 3, generator=generator)
     activations = torch.randn(99, chair.model.field.config.width, generator=generator)
     head = chair.model.part_head
-    assert head is not None
     head = replace(head, weight=1000 * head.weight)  # certain everywhere
     probabilities = head.parts(activations)
     membership = probabilities["seat"]

@@ -14,9 +14,8 @@ from core.models.model import Model
 RED = PartPaint("", (0.8, 0.1, 0.1), (0.5, 0.5, 0.5))
 
 
-def gltf_of(path: Path) -> dict[str, Any]:
-    """Return the JSON of a .glb file."""
-    data = path.read_bytes()
+def gltf_of(data: bytes) -> dict[str, Any]:
+    """Return the JSON of a .glb file's bytes."""
     return json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
 
 
@@ -24,7 +23,7 @@ def test_variants_share_one_mesh_and_each_has_its_image(tiny: Model, tmp_path: P
     path = tmp_path / "stool.glb"
     variants = {"plain": tiny[0], "red": tiny[0].with_edits(PartPaint, RED)}
     list(export_mesh(tiny[0], path, MeshSettings(32, texture=64), variants=variants))
-    document = gltf_of(path)
+    document = gltf_of(path.read_bytes())
     extension = "KHR_materials_variants"
     assert extension in document["extensionsUsed"]
     assert [entry["name"] for entry in document["extensions"][extension]["variants"]] == ["plain", "red"]
@@ -43,9 +42,9 @@ def test_variants_share_one_mesh_and_each_has_its_image(tiny: Model, tmp_path: P
 
 def image_of(path: Path, number: int) -> bytes:
     """Return an image of a .glb file."""
-    document = gltf_of(path)
-    view = document["bufferViews"][document["images"][number]["bufferView"]]
     data = path.read_bytes()
+    document = gltf_of(data)
+    view = document["bufferViews"][document["images"][number]["bufferView"]]
     begin = 20 + int.from_bytes(data[12:16], "little") + 8 + view["byteOffset"]
     return data[begin : begin + view["byteLength"]]
 

@@ -131,6 +131,6 @@ def test_phones_place_the_object_in_a_room(
         ]
         content = "bytes(scene.room.usdz).then((file) => [...file.slice(0, 4)])"
         assert chromium.evaluate(content) == [*b"PK\x03\x04"]
-        document = gltf_of(path.with_name(f"{path.stem}.room.glb"))
+        document = gltf_of(path.with_name(f"{path.stem}.room.glb").read_bytes())
         names = [entry["name"] for entry in document["extensions"]["KHR_materials_variants"]["variants"]]
         assert names == [*variants]

@@ -9,6 +9,7 @@ import trimesh
 
 from core.export.mesh import MeshSettings, export_mesh, extract_mesh
 from core.export.triangle_mesh import Mesh
+from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.part_head import PartHead
@@ -56,8 +57,9 @@ def test_a_file_has_a_named_object_for_each_part(suffix: str, texture: int, car:
     assert 3500 < sum(map(len, (geometry.faces for geometry in names.values()))) <= 4000
     car_mesh = read.to_geometry()
     car_mesh.merge_vertices(merge_tex=True, merge_norm=True)
-    area = trimesh.Trimesh(mesh.vertices, mesh.faces).area
-    assert car_mesh.area == pytest.approx(area, rel=0.05)
+    full = trimesh.Trimesh(mesh.vertices, mesh.faces)
+    assert len(full.faces) > 2 * 4000 and car_mesh.area == pytest.approx(full.area, rel=0.05)
+    np.testing.assert_allclose(car_mesh.bounds, np.sort(full.bounds @ WORLD_FROM_GLTF, 0), atol=0.02)
     edges = np.unique(np.sort(car_mesh.edges, 1), axis=0, return_counts=True)[1]
     assert (edges == 2).mean() > 0.999  # parts meet without a gap
 

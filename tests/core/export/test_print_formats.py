@@ -21,22 +21,22 @@ _UNKNOWN_ATTRIBUTE = 32935  # lib3mf's number: slicers alone know the attribute 
 
 
 @pytest.fixture(scope="module")
-def chair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Mesh, Path]:
+def chair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Mesh, Path, ElementTree.Element]:
+    """A mesh, its file, and the root of the file's model."""
     path = tmp_path_factory.mktemp("print") / "chair.3mf"
     mesh = run_to_end(extract_mesh(load_model("chairs")[999], 48))
     write_3mf(mesh, path)
-    return mesh, path
+    with zipfile.ZipFile(path) as file:
+        return mesh, path, ElementTree.fromstring(file.read("3D/3dmodel.model"))
 
 
-def test_a_3mf_is_one_closed_object_with_a_filament_for_each_part(chair: tuple[Mesh, Path]):
-    mesh, path = chair
+def test_a_3mf_is_one_closed_object_with_a_filament_for_each_part(chair: tuple[Mesh, Path, ElementTree.Element]):
+    mesh, path, root = chair
     model = lib3mf.get_wrapper().CreateModel()
     reader = model.QueryReader("3mf")
     reader.ReadFromFile(str(path))
     assert {reader.GetWarning(number)[0] for number in range(reader.GetWarningCount())} <= {_UNKNOWN_ATTRIBUTE}
     assert (model.GetMeshObjects().Count(), model.GetBuildItems().Count()) == (1, 1)
-    with zipfile.ZipFile(path) as file:
-        root = ElementTree.fromstring(file.read("3D/3dmodel.model"))
     assert [base.get("name") for base in root.iter(f"{_CORE}base")] == [name for name, _ in mesh.part_counts]
     triangles = [*root.iter(f"{_CORE}triangle")]
     counts = Counter(int(triangle.get("p1", "")) for triangle in triangles)
@@ -46,10 +46,8 @@ def test_a_3mf_is_one_closed_object_with_a_filament_for_each_part(chair: tuple[M
     assert len(counts) >= 3
 
 
-def test_a_part_has_the_mean_colour_of_its_surface(chair: tuple[Mesh, Path]):
-    mesh, path = chair
-    with zipfile.ZipFile(path) as file:
-        root = ElementTree.fromstring(file.read("3D/3dmodel.model"))
+def test_a_part_has_the_mean_colour_of_its_surface(chair: tuple[Mesh, Path, ElementTree.Element]):
+    mesh, _, root = chair
     for base, (_, piece) in zip(root.iter(f"{_CORE}base"), mesh.parts(), strict=True):
         rgb = np.array([*bytes.fromhex(base.get("displaycolor", "")[1:])]) / 255
         areas = trimesh.Trimesh(piece.vertices, piece.faces, process=False).area_faces

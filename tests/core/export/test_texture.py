@@ -1,5 +1,3 @@
-import json
-import struct
 from collections.abc import Generator
 
 import numpy as np
@@ -9,6 +7,7 @@ import trimesh
 from core.export.glb import glb
 from core.export.texture import textured
 from core.export.triangle_mesh import Mesh
+from tests.core.export.test_glb import gltf_of
 
 
 def by_position(points: np.ndarray, normals: np.ndarray) -> Generator[float, None, np.ndarray]:
@@ -49,8 +48,7 @@ def test_every_place_has_its_colour_and_seams_do_not_show(ball: tuple[Mesh, list
 def test_textured_files_are_unlit_and_keep_their_image(ball: tuple[Mesh, list[float]]):
     mesh, _ = ball
     written = glb(mesh)
-    (length,) = struct.unpack("<I", written[12:16])
-    document = json.loads(written[20 : 20 + length])
+    document = gltf_of(written)
     assert document["extensionsUsed"] == ["KHR_materials_unlit"]
     assert document["materials"][0]["extensions"] == {"KHR_materials_unlit": {}}
     (read,) = trimesh.load_scene(trimesh.util.wrap_as_stream(written), "glb", process=False).geometry.values()

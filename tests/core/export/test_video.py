@@ -1,7 +1,6 @@
 import gc
 from bisect import bisect
 from contextlib import closing
-from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ from core.export.films import turntable
 from core.export.video import FORMATS, VideoSettings, shown_views, write_video
 from core.export.video_frames import over
 from core.models.model import Model
-from tests.core.tiny import tiny_model
 
 
 def turn(
@@ -48,16 +46,15 @@ def test_a_turntable_is_a_video_of_that_many_frames(suffix: str, model: Model, t
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 
-def test_frames_are_of_a_baked_copy_unless_exact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_frames_are_of_a_baked_copy_unless_exact(tiny: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("core.export.video_frames.FEW_PIXELS", 0)
-    model = tiny_model()
     images = list[np.ndarray]()
     for exact in (False, True):
-        list(turn(model, tmp_path / f"{exact}.frames", 1, exact))
+        list(turn(tiny, tmp_path / f"{exact}.frames", 1, exact))
         with Image.open(tmp_path / f"{exact}.frames/00000.png") as image:
             images.append(np.asarray(image).astype(int))
     assert 0 < np.abs(images[0] - images[1]).max() < 25
-    assert np.array_equal(images[1], render_frame(model[0], model.camera(0.0, 0.3).resized(32, 32)).image)
+    assert np.array_equal(images[1], render_frame(tiny[0], tiny.camera(0.0, 0.3).resized(32, 32)).image)
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
@@ -92,15 +89,12 @@ def test_the_background_can_be_transparent(suffix: str, model: Model, tmp_path: 
     assert alpha.min() == 0
 
 
-def test_a_transparent_gif_has_no_shadow(tmp_path: Path) -> None:
-    model = tiny_model()
-    camera = replace(model.camera(0.3, 1.0), distance=1.5 * model.distance).resized(48, 48)
-    views = turntable(model[0], camera, 2)
+def test_a_transparent_gif_has_no_shadow(tiny: Model, tmp_path: Path) -> None:
+    views = turntable(tiny[0], tiny.camera(0.3, 1.0, 1.5 * tiny.distance).resized(48, 48), 2)
     files = list[Path]()
     for shadow, background in ((True, None), (False, None), (True, (255, 255, 255)), (False, (255, 255, 255))):
         files.append(tmp_path / f"{shadow}{background is None}.GIF")
-        for _ in write_video(views, files[-1], VideoSettings(background=background, shadow=shadow)):
-            pass
+        list(write_video(views, files[-1], VideoSettings(background=background, shadow=shadow)))
     transparent, bare, white, plain = (path.read_bytes() for path in files)
     assert transparent == bare
     assert white != plain

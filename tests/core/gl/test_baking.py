@@ -108,20 +108,18 @@ def test_interpolated_prefiltered_values_of_a_parabola_are_unbiased() -> None:
 
 
 @pytest.mark.parametrize("cells", [128, 192])
-def test_haze_is_accurate_on_finer_grids(cells: int) -> None:
+def test_haze_is_accurate_on_finer_grids(cells: int, tiny: Model) -> None:
     """Many thin layers of haze add up, so every layer needs its colour."""
-    model = tiny_model()
-    camera = model.camera(0.3, 0.4).resized(64, 64)
-    views = run_to_end(bake_views(model[0], [camera], cells))
+    camera = tiny.camera(0.3, 0.4).resized(64, 64)
+    views = run_to_end(bake_views(tiny[0], [camera], cells))
     drawn = render_baked(views.seen_from(camera), camera).colour
-    assert psnr(drawn, render_exact(model[0], camera).colour) > 44
+    assert psnr(drawn, render_exact(tiny[0], camera).colour) > 44
 
 
-def test_colours_between_cameras_interpolate_a_smooth_function() -> None:
+def test_colours_between_cameras_interpolate_a_smooth_function(tiny: Model) -> None:
     """Along a turn of cameras; the colours of a single camera serve all views."""
-    model = tiny_model()
-    ring = [model.camera(turn, 0.3) for turn in np.linspace(0, 2 * math.pi, 72, endpoint=False)]
-    views = run_to_end(bake_views(model[0], ring, 64))
+    ring = [tiny.camera(turn, 0.3) for turn in np.linspace(0, 2 * math.pi, 72, endpoint=False)]
+    views = run_to_end(bake_views(tiny[0], ring, 64))
     assert len(views.cameras) == 16
 
     def smooth(camera: Camera) -> float:
@@ -137,9 +135,8 @@ def test_colours_between_cameras_interpolate_a_smooth_function() -> None:
     np.testing.assert_array_equal(alone.seen_from(ring[9]).texels, alone.mean().texels)
 
 
-def test_every_camera_has_a_baked_one_nearby() -> None:
-    model = tiny_model()
-    ring = [model.camera(turn, 0.3) for turn in np.linspace(0, 4 * math.pi, 144, endpoint=False)]
+def test_every_camera_has_a_baked_one_nearby(tiny: Model) -> None:
+    ring = [tiny.camera(turn, 0.3) for turn in np.linspace(0, 4 * math.pi, 144, endpoint=False)]
     selected = spread(ring)
     assert len(selected) == 16  # the second turn adds none
     assert spread(ring[:1]) == spread(ring[:1] * 3) == ring[:1]

@@ -17,7 +17,6 @@ from core.metrics import psnr_from_mse
 from core.models.model import Model
 from core.rendering.ground_shadow import GroundShadow, cast_shadow
 from tests.conftest import random_model
-from tests.core.tiny import tiny_model
 
 EXTENT = 0.5, 0.4, 0.5
 SIDE = 2 / 64
@@ -142,10 +141,9 @@ def test_a_ring_is_green_where_a_photo_saw_the_object(shadow: GroundShadow, gl: 
     assert between > 25  # px: y points to the right, seen from above at azimuth 0
 
 
-def test_the_shadow_lies_between_object_and_background() -> None:
-    model = tiny_model()
-    camera = model.camera(0.3, 0.5).resized(48, 48)
-    frame = rendered(model, camera)
+def test_the_shadow_lies_between_object_and_background(tiny: Model) -> None:
+    camera = tiny.camera(0.3, 0.5).resized(48, 48)
+    frame = rendered(tiny, camera)
     assert frame.shadow
     lost = frame.shadow.seen_by(camera).numpy()[..., None]
     assert lost.max() > 0.2
@@ -158,9 +156,8 @@ def test_the_shadow_lies_between_object_and_background() -> None:
     assert np.abs(clear[..., :3] * alpha + background * (1 - alpha) - expected).max() <= 3
 
 
-def test_baked_and_exact_frames_have_the_same_shadow_if_it_is_switched_on() -> None:
-    model = tiny_model()
-    views = turntable(model[0], model.camera(0.3, 0.4).resized(64, 64), 4)[:2]
+def test_baked_and_exact_frames_have_the_same_shadow_if_it_is_switched_on(tiny: Model) -> None:
+    views = turntable(tiny[0], tiny.camera(0.3, 0.4).resized(64, 64), 4)[:2]
     baked, exact, without = (
         [image for image in frames if image is not None]
         for frames in (

@@ -15,7 +15,7 @@ from core.metrics import psnr
 from core.models.model import Instance, Model
 from core.models.photo_detail import PhotoDetail, PhotoView
 from core.rendering.fast import clear_cache, render
-from core.rendering.outline import FADED, Outline, coherence, outline
+from core.rendering.outline import FADED, coherence, outline
 from core.rendering.reference import render_exact
 from core.streams import run_to_end
 from tests.core.baked_reference import render_baked
@@ -41,19 +41,13 @@ def instance(tiny: Model, camera: Camera) -> Instance:
     return tiny[0].with_detail(detail)
 
 
-def bound(instance: Instance) -> Outline:
-    bound = outline(instance)
-    assert bound is not None
-    return bound
-
-
 def test_the_weight_of_a_point_follows_from_its_distance_to_the_mask(tiny: Model, instance: Instance) -> None:
     view = instance.detail.views[0]
     points = (2 * torch.rand(400, 3, generator=torch.Generator().manual_seed(0)) - 1) * torch.tensor(tiny.extent)
     rows, columns = np.nonzero(view.pixels()[..., 3] > 127)
     mask = torch.from_numpy(np.stack((columns, rows), -1) + 0.5).float()
     away = torch.cdist(view.camera.project(points), mask).amin(1) / view.camera.focal
-    weight = bound(instance).silhouettes[0].weight(points)
+    weight = outline(instance).silhouettes[0].weight(points)
     assert weight.shape == (400,)
     assert (weight[away < 0.4 * MARGIN] == 1).all() and (weight[away > 1.2 * MARGIN] == 0).all()
     assert 50 < int((weight == 0).sum()) < 350
@@ -67,14 +61,12 @@ def test_all_renderers_agree(tiny: Model, instance: Instance, camera: Camera, tu
     fast = render(instance, camera, 192)
     exact = render_exact(instance, camera, 192)
     *_, baked = bake(instance)
-    assert baked is not None
     assert psnr(fast.colour, exact.colour.clamp(0, 1)) > 45 > psnr(plain.colour, fast.colour) + 10
     assert float((fast.opacity - exact.opacity).abs().mean()) < 0.002
     assert psnr(render_baked(baked, camera).colour.clamp(0, 1), exact.colour.clamp(0, 1)) > 25
 
 
 def test_images_and_meshes_end_at_the_outline(tiny: Model, instance: Instance, camera: Camera) -> None:
-    assert instance.detail is not None
     opacity = render(instance, camera, 192).opacity
     mesh = run_to_end(extract_mesh(instance, 48))
     right = int(0.55 * SIZE + 1.1 * MARGIN * camera.focal) + 1
@@ -99,7 +91,6 @@ def test_thin_surfaces_within_the_mask_become_opaque(tiny: Model, camera: Camera
 
 def test_the_outline_fades_with_the_photo_detail(tiny: Model, instance: Instance, camera: Camera) -> None:
     detail = instance.detail
-    assert detail is not None
     light = [
         float(render(instance.with_detail(faded), camera, 64).opacity[:, int(0.55 * SIZE) :].sum())
         for faded in (None, *(replace(detail, strength=strength) for strength in (0.0, 0.02, 0.3, 1.0)))
@@ -121,13 +112,13 @@ def test_the_mirrored_mask_bounds_symmetric_objects_alone(tiny: Model) -> None:
         rgba[30:66, left:right, 3] = 255
         view = replace(PhotoView.of(rgba, front), outline_margin=MARGIN)
         detail = PhotoDetail((view,), tiny.codes[0].shape, tiny.codes[0].texture)
-        outline = bound(tiny[0].with_detail(detail))
-        assert coherence(outline.silhouettes[0]) == pytest.approx(symmetry, abs=0.01)
-        assert outline.mirrored == (bool(symmetry),)
-        assert (outline.factor(points) > 0).tolist() == inside
+        bound = outline(tiny[0].with_detail(detail))
+        assert coherence(bound.silhouettes[0]) == pytest.approx(symmetry, abs=0.01)
+        assert bound.mirrored == (bool(symmetry),)
+        assert (bound.factor(points) > 0).tolist() == inside
 
 
 def test_points_behind_the_camera_are_finite(tiny: Model, instance: Instance) -> None:
     _, origin = instance.detail.views[0].camera.world_to_camera(torch.device("cpu"))
     points = torch.stack((origin, 2 * origin, 1e10 * origin, -1e10 * origin))
-    assert torch.isfinite(bound(instance).factor(points)).all()
+    assert torch.isfinite(outline(instance).factor(points)).all()
