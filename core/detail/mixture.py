@@ -39,7 +39,7 @@ class PhotoPaints(NamedTuple):
     shares: Float[Tensor, "names height width"]  # of pixels, 0..1, in half precision
 
     def on_body(self, like: Float[Tensor, "h w"]) -> Bool[Tensor, "h w"]:
-        """Mark the pixels that are nearly all paint of the first part, such as a car's body, at another image's size."""
+        """Mark the pixels that are nearly all paint of the first part, such as a car's body, in another size."""
         return resized(self.shares[:1].float(), like)[0] > _EVEN
 
 

@@ -7,7 +7,6 @@ import io
 import re
 import zipfile
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from PIL import Image
@@ -85,7 +84,7 @@ _PART = """
 """
 
 
-def write_usdz(mesh: Mesh, path: Path | BinaryIO) -> None:
+def write_usdz(mesh: Mesh, path: Path | io.BytesIO) -> None:
     """Write the first image of a textured mesh in m, with y up and its front at +z."""
     image = io.BytesIO()
     Image.fromarray(next(iter(mesh.images.values()))).save(image, "JPEG", quality=_QUALITY)
