@@ -2,12 +2,11 @@
 
 The mean object is moved to both sides along a direction. The differences of its surface and colours decide the word,
 each measured in units of the least visible change. No word is used twice; a direction without a visible effect gets
-none. To add a word, add a row with its measure to :data:`_SHAPE` or :data:`_TEXTURE`.
+none. To add a word, add a row to :data:`_WORDS` and its measure to :func:`_measured`.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping
 
 import torch
 from jaxtyping import Float
@@ -26,52 +25,34 @@ _LEAST_POINTS = 50  # on a surface worth measuring
 _LEAST = 0.5  # units of visibility: smaller changes give no word
 
 
-class _Shape(NamedTuple):
-    """The sizes of a surface, by standard deviations, which are finer than extents for points on a grid."""
-
-    place: Float[Tensor, "points 3"]  # in the surface's box, 0..1
-    size: list[float]  # logarithms of width, depth and height
-    upper: list[float]  # the same of the upper half
-
-
-class _Colours(NamedTuple):
-    """The colours of a surface."""
-
-    lab: Float[Tensor, "points 3"]
-    mean: list[float]
-    top: list[float]  # mean of the upper half less that of the lower one
-
-
 _Word = tuple[str, str, float]  # for an increase and for a decrease of a measure, and the least visible change
-_SHAPE: dict[str, tuple[_Word, Callable[[_Shape], float]]] = {
-    "width": (("wider", "narrower", 0.05), lambda shape: shape.size[0]),
-    "depth": (("longer", "shorter", 0.05), lambda shape: shape.size[1]),
-    "height": (("taller", "lower", 0.05), lambda shape: shape.size[2]),
-    "roundness": (("rounder", "more angular", 0.06), lambda shape: _roundness(shape.place)),
-    "top": (("heavier top", "heavier base", 0.05), lambda shape: float(shape.place[:, 2].mean())),
-    "front": (("fuller front", "fuller back", 0.04), lambda shape: float(shape.place[:, 1].mean())),
-    "upper width": (("wider top", "narrower top", 0.08), lambda shape: shape.upper[0] - shape.size[0]),
-    "upper depth": (("longer top", "shorter top", 0.08), lambda shape: shape.upper[1] - shape.size[1]),
-}
-_TEXTURE: dict[str, tuple[_Word, Callable[[_Colours], float]]] = {
-    "lightness": (("lighter", "darker", 8.0), lambda colours: colours.mean[0]),
-    "red": (("redder", "greener", 7.0), lambda colours: colours.mean[1]),
-    "yellow": (("more yellow", "bluer", 7.0), lambda colours: colours.mean[2]),
-    "colour": (("more colourful", "greyer", 7.0), lambda colours: math.hypot(*colours.mean[1:])),
-    "top lightness": (("lighter top", "darker top", 8.0), lambda colours: colours.top[0]),
-    "top red": (("redder top", "greener top", 7.0), lambda colours: colours.top[1]),
-    "top yellow": (("more yellow top", "bluer top", 7.0), lambda colours: colours.top[2]),
-    "contrast": (("more contrast", "plainer", 6.0), lambda colours: float(colours.lab[:, 0].std())),
-}
-_TABLES: dict[CodeKind, dict[str, _Word]] = {
-    "shape": {name: word for name, (word, _) in _SHAPE.items()},
-    "texture": {name: word for name, (word, _) in _TEXTURE.items()},
-}
-_SIZES = {word for name in ("width", "depth", "height") for word in _TABLES["shape"][name][:2]}
+_WORDS: dict[CodeKind, dict[str, _Word]] = {
+    "shape": {
+        "width": ("wider", "narrower", 0.05),
+        "depth": ("longer", "shorter", 0.05),
+        "height": ("taller", "lower", 0.05),
+        "roundness": ("rounder", "more angular", 0.06),
+        "top": ("heavier top", "heavier base", 0.05),
+        "front": ("fuller front", "fuller back", 0.04),
+        "upper width": ("wider top", "narrower top", 0.08),
+        "upper depth": ("longer top", "shorter top", 0.08),
+    },
+    "texture": {
+        "lightness": ("lighter", "darker", 8.0),
+        "red": ("redder", "greener", 7.0),
+        "yellow": ("more yellow", "bluer", 7.0),
+        "colour": ("more colourful", "greyer", 7.0),
+        "top lightness": ("lighter top", "darker top", 8.0),
+        "top red": ("redder top", "greener top", 7.0),
+        "top yellow": ("more yellow top", "bluer top", 7.0),
+        "contrast": ("more contrast", "plainer", 6.0),
+    },
+}  # by the name of the measure in :func:`_measured`
+_SIZES = {word for name in ("width", "depth", "height") for word in _WORDS["shape"][name][:2]}
 """Words of sizes. Objects whose size is set in centimetres have no directions of these names."""
 OPPOSITES = {
     word: opposite
-    for table in _TABLES.values()
+    for table in _WORDS.values()
     for more, less, _ in table.values()
     for word, opposite in ((more, less), (less, more))
 }  # the opposite of every word
@@ -93,7 +74,7 @@ def direction_words(model: Model) -> Iterator[Words | None]:
         yield _offered(model, model.words)
         return
     words = Words()
-    for kind, table in _TABLES.items():
+    for kind, table in _WORDS.items():
         changes = list[dict[str, float]]()
         steps = getattr(model.codes, f"{kind}_space").basis[:_COUNT]
         for step in steps:
@@ -107,7 +88,7 @@ def direction_words(model: Model) -> Iterator[Words | None]:
 def _offered(model: Model, words: Words) -> Words:
     """Return the words of directions that are no sizes; all known words if objects of the model have no size."""
     offered = OPPOSITES.keys() - (_SIZES if model.supports_motion else set())
-    return {kind: tuple(word if word in offered else "" for word in words.get(kind, ())) for kind in _TABLES}
+    return {kind: tuple(word if word in offered else "" for word in words.get(kind, ())) for kind in _WORDS}
 
 
 def moved(instance: Instance, words: Words, name: str, amount: float) -> Instance:
@@ -141,7 +122,7 @@ def most(instance: Instance, words: Words, name: str) -> float:
 def _direction(words: Words, name: str) -> tuple[CodeKind, int, int]:
     """Return kind and number of a named direction, and 1, or -1 for its opposite."""
     directions = dict[str, tuple[CodeKind, int, int]]()
-    for kind in _TABLES:
+    for kind in _WORDS:
         for number, word in enumerate(words[kind]):
             if word:
                 directions |= {word: (kind, number, 1), OPPOSITES[word]: (kind, number, -1)}
@@ -177,21 +158,38 @@ def name_changes(changes: list[dict[str, float]], table: Mapping[str, _Word]) ->
 
 
 def _measured(instance: Instance) -> dict[str, float]:
-    """Return all measures of an object; empty if it has nearly no surface."""
+    """Return the measures of an object by name; empty if it has nearly no surface.
+
+    Sizes are logarithms of standard deviations, which are finer than extents for points on a grid.
+    """
     points, colours = (values.cpu() for values in surface_points(instance))
     if len(points) < _LEAST_POINTS:
         return {}
-    shape = _shape_of(points)
-    colouring = _colours_of(points, colours)
-    measures = {name: measure(shape) for name, (_, measure) in _SHAPE.items()}
-    return measures | {name: measure(colouring) for name, (_, measure) in _TEXTURE.items()}
-
-
-def _shape_of(points: Float[Tensor, "points 3"]) -> _Shape:
     low, high = points.quantile(torch.tensor([_EDGE, 1 - _EDGE]), dim=0)
-    unit_points = ((points - low) / (high - low).clamp_min(1e-6)).clamp(0, 1)
+    unit_points = ((points - low) / (high - low).clamp_min(1e-6)).clamp(0, 1)  # in the surface's box
     upper = points[unit_points[:, 2] > 0.5]
-    return _Shape(unit_points, _log_sizes(points), _log_sizes(upper if len(upper) > 2 else points))
+    width, depth, height = _log_sizes(points)
+    upper_width, upper_depth, _ = _log_sizes(upper if len(upper) > 2 else points)
+    lab = _lab(colours)
+    lightness, red, yellow = lab.mean(0).tolist()
+    above = points[:, 2] > (points[:, 2].min() + points[:, 2].max()) / 2
+    top = lab[above].mean(0) - lab[~above].mean(0) if 0 < int(above.sum()) < len(above) else torch.zeros(3)
+    return {
+        "width": width,
+        "depth": depth,
+        "height": height,
+        "roundness": _roundness(unit_points),
+        "top": float(unit_points[:, 2].mean()),
+        "front": float(unit_points[:, 1].mean()),
+        "upper width": upper_width - width,
+        "upper depth": upper_depth - depth,
+        "lightness": lightness,
+        "red": red,
+        "yellow": yellow,
+        "colour": math.hypot(red, yellow),
+        **dict(zip(("top lightness", "top red", "top yellow"), top.tolist(), strict=True)),
+        "contrast": float(lab[:, 0].std()),
+    }
 
 
 def _log_sizes(points: Float[Tensor, "points 3"]) -> list[float]:
@@ -209,14 +207,6 @@ def _roundness(unit_points: Float[Tensor, "points 3"]) -> float:
         filled[tuple((unit_points[:, axes] * cells).long().clamp(0, cells - 1).T)] = True
         empty.append(1 - sum(float(filled[x, y].float().mean()) for x in ends for y in ends) / 4)
     return sum(empty) / len(empty)
-
-
-def _colours_of(points: Float[Tensor, "points 3"], colours: Float[Tensor, "points 3"]) -> _Colours:
-    lab = _lab(colours)
-    height = points[:, 2]
-    above = height > (height.min() + height.max()) / 2
-    top = lab[above].mean(0) - lab[~above].mean(0) if 0 < int(above.sum()) < len(above) else torch.zeros(3)
-    return _Colours(lab, lab.mean(0).tolist(), top.tolist())
 
 
 def _lab(colours: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:
