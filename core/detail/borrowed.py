@@ -185,7 +185,8 @@ def _borrowed(
     rendered = Rendered(rendered.colour.cpu(), rendered.depth.cpu(), rendered.opacity.cpu())
     rays = camera_rays(small, torch.tensor(fitted.model.extent))
     solid = rendered.opacity > 0.5
-    if any(bool(_touches(mask)) or not bool(mask.any()) for mask in (solid, picture.opacity > 0.5)):
+    # Neither may be empty or reach the border of its image.
+    if not all(0 < int(mask[1:-1, 1:-1].sum()) == int(mask.sum()) for mask in (solid, picture.opacity > 0.5)):
         return None
     shares = DetailMaps(tuple(photos)).added(rendered, small)[1]
     coverage = (sum(shares) / rendered.opacity.clamp_min(1e-3)).clamp(0, 1)  # by photos and their mirror images
@@ -209,11 +210,6 @@ def _borrowed(
     paint = paint / small_paint[plain].median()
     surface = torch.cat((normals, rendered.depth[..., None]), -1).movedim(-1, 0)
     return BorrowedEnd(camera, colour, paint, weight, plain, continued(surface, solid), texels)
-
-
-def _touches(mask: Bool[Tensor, "h w"]) -> Bool[Tensor, ""]:
-    """Return whether a mask reaches the border of its image."""
-    return mask[0].any() | mask[-1].any() | mask[:, 0].any() | mask[:, -1].any()
 
 
 def _warp(solid: Bool[Tensor, "h w"], glass: Float[Tensor, "h w"], picture: Picture) -> Float[Tensor, "height width 2"]:

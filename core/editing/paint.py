@@ -5,7 +5,7 @@ images with photo detail show the colour.
 """
 
 import math
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -51,23 +51,23 @@ def paint(instance: Instance, request: Paint) -> Generator[None, None, Instance]
     The paint takes the place of the part's earlier one. Yields None many times. Raises ``ValueError`` for a part that
     the model does not know.
     """
-    surface = yield from _surface(instance, request.part)
+    own_paint, shown = yield from _surface(instance, request.part)
     goal = torch.tensor(request.colour)
     paints = instance.codes.of_kind(PartPaint)
-    if float((goal - surface.shown(paints)).abs().max()) < 0.5 / 255:
+    if float((goal - shown(paints)).abs().max()) < 0.5 / 255:
         return instance
-    below = tuple(paint for paint in paints if paint.part != surface.own.part)[1 - PartPaint.most :]
+    below = tuple(paint for paint in paints if paint.part != own_paint.part)[1 - PartPaint.most :]
     colour = goal
     for _ in range(_ROUNDS):
-        paints = *below, replace(surface.own, colour=as_rgb(colour))
-        colour = (colour + goal - surface.shown(paints)).clamp(0, 1)
+        paints = *below, replace(own_paint, colour=as_rgb(colour))
+        colour = (colour + goal - shown(paints)).clamp(0, 1)
     return instance.with_edits(PartPaint, *paints)
 
 
 def paint_colour(instance: Instance, part: str = "") -> Generator[None, None, Rgb]:
     """Return the mean colour of a part in images, sRGB 0..1; yields None many times."""
-    surface = yield from _surface(instance, part)
-    return as_rgb(surface.shown(instance.codes.of_kind(PartPaint)))
+    _, shown = yield from _surface(instance, part)
+    return as_rgb(shown(instance.codes.of_kind(PartPaint)))
 
 
 def paint_parts(model: Model) -> tuple[str, ...]:
@@ -126,29 +126,14 @@ def frame_points(
     return (origin + directions * depth[:, None]) / torch.tensor(instance.codes.proportions or 1.0)
 
 
-@dataclass(frozen=True, eq=False)
-class _Surface:
-    """Points all over an object, with one of its parts."""
-
-    instance: Instance
-    features: Float[Tensor, "points width"]
-    colours: Float[Tensor, "points 3"]  # of the network
-    weight: Float[Tensor, "points"]  # in the part's mean colour
-    own: PartPaint  # the part's own colour
-    fitted: Float[Tensor, "3"]  # mean colour of the part in the texture fitted to the photos
-    matched: Float[Tensor, "3"]  # difference of the photos' colour from it
-
-    def shown(self, paints: tuple[PartPaint, ...]) -> Float[Tensor, "3"]:
-        """Return the mean colour of the part in images with paints (:func:`core.detail.repaint.repainted`)."""
-        head = self.instance.model.part_head
-        colours = kinds.colours(self.colours, paints, lambda: head.parts(self.features) if head else {})
-        render = (self.weight @ colours).cpu()
-        return (render + (1 - replaced_share(render - self.fitted)) * self.matched).clamp(0, 1)
-
-
 @torch.no_grad()
-def _surface(instance: Instance, part: str) -> Generator[None, None, _Surface]:
-    """Sample points on an object's surface and find a part there."""
+def _surface(
+    instance: Instance, part: str
+) -> Generator[None, None, tuple[PartPaint, Callable[[tuple[PartPaint, ...]], Float[Tensor, "3"]]]]:
+    """Find a part at points all over an object. Return a paint of its own colour, and the colour that images show.
+
+    That is a function of paints (:func:`core.detail.repaint.repainted`): the mean colour of the part.
+    """
     part = _checked(instance.model, part)
     network = instance.unmoved.unpainted
     points, _ = surface_points(network)
@@ -161,13 +146,19 @@ def _surface(instance: Instance, part: str) -> Generator[None, None, _Surface]:
     towards = folded.direction_bias(-functional.normalize(points, dim=-1))
     colours = folded.colour(features, towards).clamp(0, 1)
     weight, located = _located(instance.model, part, colours, features)
-    fitted = (weight @ colours).cpu()
-    matched = torch.zeros(3)
+    fitted = (weight @ colours).cpu()  # mean colour of the part in the texture fitted to the photos
+    matched = torch.zeros(3)  # difference of the photos' colour from it
     if effective_strength(instance):
         photos = yield from compared_photos(instance)
         fitted = (weight @ FoldedField.of(network.with_texture(instance.fitted)).colour(features, towards)).cpu()
         matched = torch.stack([photo.match.change(fitted) for photo in photos]).mean(0)
-    return _Surface(instance, features, colours, weight, located, fitted, matched)
+
+    def shown(paints: tuple[PartPaint, ...]) -> Float[Tensor, "3"]:
+        head = instance.model.part_head
+        render = (weight @ kinds.colours(colours, paints, lambda: head.parts(features) if head else {})).cpu()
+        return (render + (1 - replaced_share(render - fitted)) * matched).clamp(0, 1)
+
+    return located, shown
 
 
 def _checked(model: Model, part: str) -> str:
