@@ -110,7 +110,20 @@ def _marching_cubes(
     folded: FoldedField, occupancy: Occupancy, grid: _Grid
 ) -> Generator[float, None, tuple[np.ndarray, np.ndarray] | None]:
     """Return vertices (scene units) and triangles of the surface on a grid; None if it does not meet the grid."""
-    pieces = yield from _pieces(folded, occupancy, grid)
+    from skimage.measure import marching_cubes  # takes as long to import as half of torch
+
+    pieces = []  # vertices (in grid steps) and triangles of every slab that is not empty
+    count = grid.counts[0]
+    starts = range(0, count, _SLAB)
+    planes = map_pieces(partial(_logits, folded, occupancy, grid), starts)
+    border = np.empty((0, *grid.counts[1:]), np.float32)  # evaluated once: two evaluations may differ in the last bit
+    for first, plane in zip(starts, planes, strict=True):
+        logits = np.concatenate((border, plane))
+        if logits.max() > 0:
+            vertices, faces, _, _ = marching_cubes(logits, 0.0, gradient_direction="ascent")
+            pieces.append((vertices.astype(np.float64) + np.array([first - len(border), 0, 0]), faces))
+        border = plane[-1:]
+        yield min(first + _SLAB, count) / count
     if not pieces:
         return None
     vertices, faces = _remove_specks(*_weld(pieces), grid.step)
@@ -134,27 +147,6 @@ def _off_surface_fraction(
 def _thickness(folded: FoldedField, grid: _Grid, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points"]:
     """The optical depth of an interval at these points."""
     return folded.density(points)[0] * grid.interval
-
-
-def _pieces(
-    folded: FoldedField, occupancy: Occupancy, grid: _Grid
-) -> Generator[float, None, list[tuple[np.ndarray, np.ndarray]]]:
-    """Return vertices (in grid steps) and triangles of every non-empty slab; each slab begins at the last's end."""
-    from skimage.measure import marching_cubes  # takes as long to import as half of torch
-
-    pieces = []
-    count = grid.counts[0]
-    starts = range(0, count, _SLAB)
-    planes = map_pieces(partial(_logits, folded, occupancy, grid), starts)
-    border = np.empty((0, *grid.counts[1:]), np.float32)  # evaluated once: two evaluations may differ in the last bit
-    for first, plane in zip(starts, planes, strict=True):
-        logits = np.concatenate((border, plane))
-        if logits.max() > 0:
-            vertices, faces, _, _ = marching_cubes(logits, 0.0, gradient_direction="ascent")
-            pieces.append((vertices.astype(np.float64) + np.array([first - len(border), 0, 0]), faces))
-        border = plane[-1:]
-        yield min(first + _SLAB, count) / count
-    return pieces
 
 
 def _logits(folded: FoldedField, occupancy: Occupancy, grid: _Grid, first: int) -> Float[np.ndarray, "planes y z"]:

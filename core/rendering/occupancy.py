@@ -217,25 +217,22 @@ class Occupancy(Cached):
         return near, far
 
 
-def shape_occupancy(instance: Instance, complete: bool = True) -> Occupancy:
+def shape_occupancy(instance: Instance, complete: bool = True, edits: tuple[Edit, ...] | None = None) -> Occupancy:
     """Return a shape's occupied cells, cached because they depend on neither view nor texture.
 
     Args:
         complete: False: if the shape is similar to the last one, evaluate mainly the corners around that; for
             continuously changing shapes.
+        edits: the first of the shape's edits of space, without the others; None: all.
     """
-    return _occupancy(instance, instance.codes.space_edits, complete)
-
-
-def _occupancy(instance: Instance, edits: tuple[Edit, ...], complete: bool) -> Occupancy:
-    """Return the occupied cells of a shape with the first of its edits of space; cached."""
+    edits = instance.codes.space_edits if edits is None else edits
     unmoved = instance.unmoved
     key = instance.model, unmoved.codes.untextured, edits
     occupancy: Occupancy | None = CACHE.get(CacheKind.SHAPE, key)
     if occupancy is None or (complete and not occupancy.complete):
         if edits:
             folded = FoldedField.of(unmoved.changed(edits=(*unmoved.codes.edits, *edits)))
-            occupancy = _occupancy(instance, edits[:-1], complete).moved(edits[-1], folded)
+            occupancy = shape_occupancy(instance, complete, edits[:-1]).moved(edits[-1], folded)
         else:
             previous = None if complete else _similar_occupancy(instance)
             occupancy = Occupancy.of(instance.model, FoldedField.of(unmoved), previous)

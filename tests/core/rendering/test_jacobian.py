@@ -15,7 +15,7 @@ from core.rendering.jacobian import BiasJacobians, RenderedJacobian, render_with
 from core.rendering.reference import render_rays
 from core.runtime.precision import use_dtype
 from tests.conftest import random_model, with_contrast
-from tests.core.rendering.test_importance import bundle
+from tests.core.rendering.test_importance import biases, bundle
 
 OBJECTS, RAYS, SAMPLES = 3, 10, 12
 
@@ -27,15 +27,10 @@ def float32() -> Iterator[None]:
         yield
 
 
-def biases(model: Model) -> tuple[Tensor, Tensor]:
-    shapes = model.field.shape_bias(model.codes.shapes[:OBJECTS])
-    return shapes, model.field.texture_bias(model.codes.textures[:OBJECTS])
-
-
 def random_jacobians(model: Model, numbers: int) -> BiasJacobians:
     """Random derivatives of the shape biases by this many numbers, and of the texture biases by two."""
     generator = torch.Generator().manual_seed(5)
-    shape, texture = biases(model)
+    shape, texture = biases(model, OBJECTS)
     return BiasJacobians(
         torch.randn(*shape.shape, numbers, generator=generator), torch.randn(*texture.shape, 2, generator=generator)
     )
@@ -44,7 +39,7 @@ def random_jacobians(model: Model, numbers: int) -> BiasJacobians:
 def rendered(model: Model, coloured: int = SAMPLES) -> tuple[Rays, BiasJacobians, RenderedJacobian]:
     rays = bundle(model, OBJECTS, RAYS)
     moves = random_jacobians(model, 3)
-    return rays, moves, render_with_jacobian(model, rays, SAMPLES, coloured, *biases(model), moves)
+    return rays, moves, render_with_jacobian(model, rays, SAMPLES, coloured, *biases(model, OBJECTS), moves)
 
 
 def with_opacity(by_texture: Tensor) -> Tensor:
@@ -57,7 +52,7 @@ def test_with_all_samples_channels_and_jacobian_are_those_of_autograd(white_from
     model = with_contrast(random_model(white_from_network=white_from_network), contrast)
     rays, moves, jacobian = rendered(model)
     origins, directions = (values.detach().clone().requires_grad_() for values in (rays.origins, rays.directions))
-    shape, texture = (bias[:, None, None, None].detach().requires_grad_() for bias in biases(model))
+    shape, texture = (bias[:, None, None, None].detach().requires_grad_() for bias in biases(model, OBJECTS))
     exact = render_rays(model, replace(rays, origins=origins, directions=directions), SAMPLES, shape, texture)
     channels = (*exact.colour.unbind(-1), exact.opacity)
     torch.testing.assert_close(jacobian.channels, torch.stack(channels, -1), rtol=1e-4, atol=1e-5)
@@ -76,10 +71,10 @@ def test_with_all_samples_channels_and_jacobian_are_those_of_autograd(white_from
 def test_biases_with_numbers_of_their_own_are_a_diagonal_jacobian(model: Model):
     rays = bundle(model, OBJECTS, RAYS)
     generator = torch.Generator().manual_seed(6)
-    scales = BiasJacobians(*(torch.rand(bias.shape, generator=generator) for bias in biases(model)))
+    scales = BiasJacobians(*(torch.rand(bias.shape, generator=generator) for bias in biases(model, OBJECTS)))
     diagonals = BiasJacobians(*(torch.diag_embed(scale.flatten(1)).unflatten(1, scale.shape[1:]) for scale in scales))
     ours, expected = (
-        render_with_jacobian(model, rays, SAMPLES, 4, *biases(model), moves) for moves in (scales, diagonals)
+        render_with_jacobian(model, rays, SAMPLES, 4, *biases(model, OBJECTS), moves) for moves in (scales, diagonals)
     )
     for derivative, mapped in zip(ours, expected, strict=True):
         torch.testing.assert_close(derivative, mapped, rtol=1e-5, atol=1e-6)
@@ -103,6 +98,6 @@ def test_rays_that_miss_are_white_and_have_no_derivatives() -> None:
     model = random_model()
     rays = bundle(model, OBJECTS, RAYS)
     missing = replace(rays, far=rays.near)
-    jacobian = render_with_jacobian(model, missing, SAMPLES, 4, *biases(model), random_jacobians(model, 3))
+    jacobian = render_with_jacobian(model, missing, SAMPLES, 4, *biases(model, OBJECTS), random_jacobians(model, 3))
     assert bool((jacobian.channels == torch.tensor([1, 1, 1, 0])).all())
     assert all(not bool(derivative.any()) for derivative in jacobian[1:])
