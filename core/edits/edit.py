@@ -50,28 +50,18 @@ class Edit:
         """Return densities at origins as those of the edited object."""
         return densities
 
-    def membership(
-        self, colours: Float[Tensor, "*places 3"], parts: Mapping[str, Float[Tensor, "*places"]]
-    ) -> Float[Tensor, "*places"]:
-        """Return how much of the edit of a texture each place takes, 0..1.
-
-        Args:
-            colours: the network's.
-            parts: probabilities of the model's parts.
-        """
-        raise NotImplementedError
-
     def over(
         self,
         colours: Float[Tensor, "*places 3"],
         below: Float[Tensor, "*places 3"],
-        membership: Float[Tensor, "*places"],
+        parts: Mapping[str, Float[Tensor, "*places"]],
     ) -> Float[Tensor, "*places 3"]:
         """Return colours with the edit of a texture.
 
         Args:
-            colours: of the object itself, which tell light and pattern.
+            colours: the network's, which tell light and pattern.
             below: the same after earlier edits.
+            parts: probabilities of the model's parts.
         """
         raise NotImplementedError
 

@@ -94,5 +94,5 @@ def colours(
     probabilities = parts() if painting else {}
     below = network
     for edit in painting:
-        below = edit.over(network, below, edit.membership(network, probabilities))
+        below = edit.over(network, below, probabilities)
     return below

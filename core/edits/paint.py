@@ -73,7 +73,7 @@ class PartPaint(Edit):
         self,
         colours: Float[Tensor, "*places 3"],
         below: Float[Tensor, "*places 3"],
-        membership: Float[Tensor, "*places"],
+        parts: Mapping[str, Float[Tensor, "*places"]],
     ) -> Float[Tensor, "*places 3"]:
         """Return colours with the paint; see :class:`core.edits.edit.Edit`."""
         colour, unpainted = (colours.new_tensor(value) for value in (self.colour, self.before))
@@ -81,7 +81,7 @@ class PartPaint(Edit):
         evenly = colour * light.clamp(_DARKEST, _LIGHTEST).sqrt()[..., None]
         even = ((colour - unpainted).norm() / _ANOTHER).clamp_max(1)
         painted = torch.lerp(colours + (colour - unpainted), evenly, even).clamp(0, 1)
-        return torch.lerp(below, painted, (self.share * membership)[..., None])
+        return torch.lerp(below, painted, (self.share * self.membership(colours, parts))[..., None])
 
     @classmethod
     def mixed(
