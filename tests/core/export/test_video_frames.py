@@ -69,9 +69,9 @@ def test_the_way_back_of_a_swing_is_rendered_once(tiny: Model, monkeypatch: pyte
     views = swing(tiny[0], tiny.camera(0.3, 0.4).resized(SIZE, SIZE), 12)
     rendered = list[View]()
 
-    def counted(views, *others, **named):
+    def counted(views, *arguments, **named):
         rendered.extend(views)
-        return exact_frames(views, *others, **named)
+        return exact_frames(views, *arguments, **named)
 
     monkeypatch.setattr(video_frames, "exact_frames", counted)
     frames = images(render_frames(views, None, exact=True))
