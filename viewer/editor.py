@@ -61,10 +61,6 @@ class Editor:
         """Return whether an object is of the same model as the one on screen, so that they can be mixed."""
         return self.objects[name].instance.fingerprint == self.scene.instance.fingerprint
 
-    def pair(self, pair: Pair) -> Instance:
-        """Return a pair as left: the shape of one object and the texture of another."""
-        return self.objects[pair.texture].instance.taking("shape", self.objects[pair.shape].instance)
-
     @property
     def original(self) -> Instance:
         """A without edits: as trained, fitted or opened."""
@@ -74,7 +70,8 @@ class Editor:
     @property
     def unmixed(self) -> Instance:
         """A, with its edits, as last shown without any of B; as left if never shown."""
-        instance = self.pair(self.state.mix.a)
+        shape, texture = self.state.mix.a
+        instance = self.objects[texture].instance.taking("shape", self.objects[shape].instance)
         for kind in CODE_KINDS:
             instance = instance.taking(kind, self._last_unmixed(kind) or instance)
         return instance
@@ -163,15 +160,8 @@ class Editor:
         versions = self.objects.versions(name)
         return next((version for version in self.history.newest if version in versions), name)
 
-    def remove(self, *names: str) -> None:
-        """Remove added objects from all lists, even if one is on screen."""
-        self._unlist(self.state.removed.union(names))
-
-    def put_back(self, *names: str) -> None:
-        """List removed objects again."""
-        self._unlist(self.state.removed.difference(names))
-
-    def _unlist(self, removed: frozenset[str]) -> None:
+    def unlist(self, removed: frozenset[str]) -> None:
+        """Remove these added objects, and no others, from all lists, even if one is on screen."""
         self._go(self.history.changed(replace(self.state, removed=removed)))
 
     def set_b(self, name: str) -> None:

@@ -207,13 +207,13 @@ class Session:
     def remove(self, *names: str) -> None:
         """Remove added objects, versions of one, from all lists, even if on screen, and offer to undo that."""
         editor = self.editor
-        editor.remove(*names)
+        editor.unlist(editor.state.removed.union(names))
         for name in names:
             self.fitting.results.unseen.discard(name)
         history = editor.history
 
         def undo() -> None:
-            editor.undo() if editor.history is history else editor.put_back(*names)
+            editor.undo() if editor.history is history else editor.unlist(editor.state.removed.difference(names))
 
         def relevant() -> bool:
             return self.editor is editor and editor.objects.removed.issuperset(names)

@@ -313,7 +313,7 @@ def test_without_any_state_that_can_be_shown_work_goes_on_after_them(model: Mode
     editor = Editor(open_models(stools), stools, torch.Generator())
     name = editor.objects.add(EditableObject("stool", stools[1], True))
     editor.show_object(name)
-    editor.remove(name)
+    editor.unlist(frozenset({name}))
     saved = Project(editor.history, editor.objects.ever_added)
 
     editor = Editor(open_models(model), model, torch.Generator())

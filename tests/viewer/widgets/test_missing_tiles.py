@@ -206,7 +206,9 @@ def test_a_removed_tile_comes_back_by_undo_and_is_deleted_by_new(
     stools.unlink()
 
     def act(window: Driver) -> None:
-        window.session.editor.remove("Red stool", "Red stool (2)")  # the second one is a version with a mix
+        window.session.editor.unlist(
+            frozenset(("Red stool", "Red stool (2)"))
+        )  # the second one is a version with a mix
         assert window.session.editor.objects.own == []
         window.undo()
         assert window.session.editor.objects.own == ["Red stool"]
