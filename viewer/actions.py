@@ -179,16 +179,10 @@ def run_keys(context: PanelContext) -> None:
     for action in ACTIONS.values():
         keys = ", ".join(key for key in action.keys.split(", ") if not typing or "Ctrl" in key or key == "F1")
         pressed = any(map(is_pressed, chords(keys))) or any(map(is_typed, keys.split(", ")))
-        if pressed and _is_allowed(action, context) and action.enabled(context):
+        # The segmentation dialog has its own keys and would hide the help.
+        allowed = not context.session.segmenting.active or action.id in ("quit", "larger_text", "smaller_text")
+        if pressed and allowed and action.enabled(context):
             action.run(context)
-
-
-def _is_allowed(action: Action, context: PanelContext) -> bool:
-    """Return whether an action's keys have no other use now.
-
-    The segmentation dialog has its own keys and would hide the help.
-    """
-    return not context.session.segmenting.active or action.id in ("quit", "larger_text", "smaller_text")
 
 
 def is_pressed(chord: int) -> bool:

@@ -200,21 +200,16 @@ class PanelContext:
         photos = []
         for path in self._files(paths):
             if path.is_dir():
-                photos += self._photos_in(path)
-                continue
-            if path.suffix.lower() in (*PROJECTS, ".json", *MODELS) or embedded_scene(path):
+                contained = image_files(path)
+                photos += contained
+                if not contained:
+                    self.session.messages.notify(f"There is no photo in {path.name}", MessageKind.PROBLEM)
+            elif path.suffix.lower() in (*PROJECTS, ".json", *MODELS) or embedded_scene(path):
                 self.load(path)
             else:
                 photos.append(path)
         if photos:
             self.fit(*photos)
-
-    def _photos_in(self, folder: Path) -> list[Path]:
-        """Return the photos in a folder; report a folder without any."""
-        photos = image_files(folder)
-        if not photos:
-            self.session.messages.notify(f"There is no photo in {folder.name}", MessageKind.PROBLEM)
-        return photos
 
     def _files(self, texts: list[str]) -> Iterator[Path]:
         """Yield the files that dropped texts name; report the others."""

@@ -43,7 +43,8 @@ def connect(path: Path | None) -> sqlite3.Connection:
     connection = sqlite3.connect(path or ":memory:", timeout=_PATIENCE, isolation_level=None, check_same_thread=False)
     try:
         connection.execute("PRAGMA trusted_schema = OFF")
-        connection.execute(f"PRAGMA journal_mode = {_journal(path)}")
+        # The log of WAL needs memory that processes share, which network folders lack.
+        connection.execute(f"PRAGMA journal_mode = {'TRUNCATE' if path and _is_on_network(path) else 'WAL'}")
         connection.execute("PRAGMA synchronous = NORMAL")  # :meth:`viewer.store.store.Store.beat` syncs
         migrate(connection)
         connection.execute("PRAGMA foreign_keys = ON")
@@ -98,11 +99,6 @@ def transaction(connection: sqlite3.Connection) -> Iterator[None]:
         with suppress(sqlite3.Error):  # some errors, such as a full disk, have rolled back already
             connection.execute("ROLLBACK")
         raise
-
-
-def _journal(path: Path | None) -> str:
-    """Return the journal mode: the log of WAL needs memory that processes share, which network folders lack."""
-    return "TRUNCATE" if path and _is_on_network(path) else "WAL"
 
 
 def _is_on_network(path: Path) -> bool:
