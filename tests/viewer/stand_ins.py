@@ -26,6 +26,8 @@ from core.gl.background import Background
 from core.gl.baked_field import BakedField
 from core.models.field_config import FieldConfig
 from core.models.model import Instance, Model
+from core.models.photo_detail import PhotoDetail, PhotoView
+from core.models.scene import Scene
 from core.photos.detector import Detection
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
@@ -63,6 +65,13 @@ def blue_block(photo: Path) -> Path:
         red, green, blue = image.split()
         Image.merge("RGB", (blue, green, red)).save(path)
     return path
+
+
+def photographed(scene: Scene) -> Scene:
+    """Return a scene whose object has a photo, white, from azimuth 1 rad and elevation 0.4 rad."""
+    instance = scene.instance
+    view = PhotoView.of(np.full((30, 40, 4), 255, np.uint8), instance.model.camera(1.0, 0.4).resized(40, 30))
+    return replace(scene, instance=instance.changed(detail=PhotoDetail.of((view,), instance.codes)))
 
 
 def codes_key(instance: Instance) -> tuple[str, bytes, bytes]:

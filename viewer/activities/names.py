@@ -71,8 +71,7 @@ class Names:
         if not name:
             return colours
         states = [state.scene.instance for state in reversed(editor.history.states) if state.version_of == name]
-        shown_states = editor.objects.states(name) if editor.objects.is_added(name) else [editor.objects[name].instance]
-        for instance in (*states, *reversed(shown_states)):
+        for instance in (*states, *reversed(editor.objects.states(name))):
             if not instance.is_missing and is_variant(colours[0], instance) and instance not in colours:
                 colours.append(instance)
         return colours[:_MOST_COLOURS]

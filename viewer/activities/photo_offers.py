@@ -14,30 +14,21 @@ from viewer.values.printable import printable
 _NAMED = 3  # files that a message names
 
 
-class Fits(Protocol):
+class _Fits(Protocol):
     """The part of :class:`viewer.activities.fitting.Fitting` that offers act on."""
 
     @property
-    def pending(self) -> tuple[FitRequest, ...]:
-        """Unfinished requests."""
-
-    def fit_each(self, sources: tuple[PhotoSource, ...]) -> None:
-        """Fit an object to each photo."""
-
-    def refine(self, earlier: FitHistory, *added: PhotoSource) -> None:
-        """Fit more photos of an object."""
-
-    def withdraw(self, sources: tuple[PhotoSource, ...]) -> None:
-        """Cancel a fit without a result."""
-
-    def take_over(self, unfinished: FitQueue) -> None:
-        """Continue fits and questions."""
+    def pending(self) -> tuple[FitRequest, ...]: ...
+    def fit_each(self, sources: tuple[PhotoSource, ...]) -> None: ...
+    def refine(self, earlier: FitHistory, *added: PhotoSource) -> None: ...
+    def withdraw(self, sources: tuple[PhotoSource, ...]) -> None: ...
+    def take_over(self, unfinished: FitQueue) -> None: ...
 
 
 class PhotoOffers:
     """Offers an object each, another photo of the same object, fits of photos left out, or to undo a removal."""
 
-    def __init__(self, fits: Fits, messages: Messages) -> None:
+    def __init__(self, fits: _Fits, messages: Messages) -> None:
         self._fits = fits
         self._messages = messages
         self._closed = False  # buttons of messages outlive the session

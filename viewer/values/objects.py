@@ -139,7 +139,7 @@ class ObjectLibrary:
         return [added.name for added in self.added if self.root(added.name) == root]
 
     def states(self, name: str) -> list[Instance]:
-        """Return an added object as fitted or opened, then its other versions as left, the oldest first."""
+        """Return an object as trained, fitted or opened, then its other versions as left, the oldest first."""
         states = [self[self.root(name)].original]
         for version in self.versions(name):
             instance = self[version].instance

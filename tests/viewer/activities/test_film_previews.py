@@ -1,4 +1,3 @@
-from dataclasses import replace
 from itertools import count
 from types import SimpleNamespace
 
@@ -6,23 +5,15 @@ import numpy as np
 import pytest
 
 from core.detail.progressive import Frame
-from core.models.photo_detail import PhotoDetail, PhotoView
-from core.models.scene import Scene
 from tests.viewer.driver import finish
+from tests.viewer.stand_ins import photographed
 from viewer.session import Session
 from viewer.values.objects import EditableObject
 from viewer.values.share_settings import ShareSettings
 
 
-def photographed(session: Session) -> Scene:
-    """The shown object with a photo."""
-    scene = session.editor.scene
-    view = PhotoView.of(np.full((30, 40, 4), 255, np.uint8), session.editor.model.camera(1.0, 0.4).resized(40, 30))
-    return replace(scene, instance=scene.instance.changed(detail=PhotoDetail.of((view,), scene.instance.codes)))
-
-
 def test_films_move_and_a_swing_comes_back_to_the_photo(session: Session) -> None:
-    scene = photographed(session)
+    scene = photographed(session.editor.scene)
     session.editor.add_and_show(EditableObject("photographed", scene.instance), scene.camera)
     films = session.exporting.films
     films.update(ShareSettings("swing"))

@@ -1,13 +1,12 @@
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 
 from core.export.films import SWING, TURN
 from core.models.model import Model
-from core.models.photo_detail import PhotoDetail, PhotoView
 from core.models.scene import Scene
+from tests.viewer.stand_ins import photographed
 from viewer.values.share_settings import ShareSettings, films_of
 
 
@@ -76,30 +75,26 @@ def test_a_turntable_turns_once_at_the_chosen_size_and_fills_its_frame(model: Mo
 
 
 @pytest.fixture
-def photographed(model: Model, scene: Scene) -> Scene:
+def fitted_scene(scene: Scene) -> Scene:
     """A fitted object that somebody last looked at from behind."""
-    view = PhotoView.of(np.full((30, 40, 4), 255, np.uint8), model.camera(1.0, 0.4).resized(40, 30))
-    return Scene(
-        scene.instance.changed(detail=PhotoDetail.of((view,), scene.instance.codes)),
-        replace(scene.camera, azimuth=-2.0),
-    )
+    return replace(photographed(scene), camera=replace(scene.camera, azimuth=-2.0))
 
 
 @pytest.mark.parametrize(("kind", "frames"), [("swing", SWING), ("turntable", TURN), ("morph", TURN), ("page", 1)])
-def test_films_start_at_the_photos_camera(model: Model, photographed: Scene, kind: str, frames: int) -> None:
-    views = ShareSettings(kind, size=40).views(photographed, model[1])
+def test_films_start_at_the_photos_camera(model: Model, fitted_scene: Scene, kind: str, frames: int) -> None:
+    views = ShareSettings(kind, size=40).views(fitted_scene, model[1])
     assert len(views) == frames
     assert (views[0].camera.azimuth, views[0].camera.elevation) == pytest.approx((1.0, 0.4))
-    assert views[0].instance == photographed.instance
-    (picture,) = ShareSettings("picture", size=40).views(photographed)
+    assert views[0].instance == fitted_scene.instance
+    (picture,) = ShareSettings("picture", size=40).views(fitted_scene)
     assert picture.camera.azimuth == -2.0
 
 
-def test_a_film_that_is_impossible_gives_way_to_the_usual_one(model: Model, scene: Scene, photographed: Scene) -> None:
+def test_a_film_that_is_impossible_gives_way_to_the_usual_one(model: Model, scene: Scene, fitted_scene: Scene) -> None:
     partner = model[1]
-    assert films_of(photographed, partner) == ("swing", "turntable", "morph")
+    assert films_of(fitted_scene, partner) == ("swing", "turntable", "morph")
     assert films_of(scene, None) == ("turntable",)
     for kind, plain in (("swing", "turntable"), ("morph", "turntable"), ("page", "page")):
         assert ShareSettings(kind).film_of(scene, None).kind == plain
-        assert ShareSettings(kind).film_of(photographed, partner).kind == kind
-    assert ShareSettings("morph").film_of(photographed, None).kind == "swing"
+        assert ShareSettings(kind).film_of(fitted_scene, partner).kind == kind
+    assert ShareSettings("morph").film_of(fitted_scene, None).kind == "swing"
