@@ -206,9 +206,8 @@ def is_typed(text: str) -> bool:
     if sign.isalnum() or not sign:
         return False
     if held:
-        return any(
-            is_pressed(chord(*map(_MODIFIERS.__getitem__, held.split("+")[:-1]), key)) for key in _printing(sign)
-        )
+        modifiers = [_MODIFIERS[name] for name in held.split("+")[:-1]]
+        return any(is_pressed(chord(*modifiers, key)) for key in _printing(sign))
     keys = [imgui.Key(number & ~chord(*_EVERY_MODIFIER)) for number in chords(sign)]
     return ord(sign) in imgui.get_io().input_queue_characters and not any(map(imgui.is_key_down, keys))
 

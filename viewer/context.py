@@ -171,9 +171,8 @@ class PanelContext:
 
     def save_project_as(self) -> None:
         """Ask for a name and save the project."""
-        self.files.ask(
-            FileRequest("Save the project as", self._save_project, PROJECTS, True, f"{self.file_name}{SUFFIX}")
-        )
+        name = f"{self.file_name}{SUFFIX}"
+        self.files.ask(FileRequest("Save the project as", self._save_project, PROJECTS, True, name))
 
     def _save_project(self, path: Path) -> None:
         if self.session.save_project(path):

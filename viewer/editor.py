@@ -280,10 +280,8 @@ class Editor:
         model = self.objects[name].instance.model
         states = (self.state, *reversed(self.history.past))
         here = (state for state in states if state.scene.instance.fingerprint == model.fingerprint)
-        mix = next((state.mix for state in here if self.objects.can_show(state)), None) or first_mix(
-            self.objects, model
-        )
-        return Mix(Pair(name, name), mix.b)
+        mixes = (state.mix for state in here if self.objects.can_show(state))
+        return Mix(Pair(name, name), (next(mixes, None) or first_mix(self.objects, model)).b)
 
     def _mix(self, mix: Mix, kinds: tuple[CodeKind, ...], gesture: str = "") -> None:
         mixed = self.unmixed.mixed(self.objects[mix.b].instance, mix.shape, mix.texture)

@@ -165,9 +165,8 @@ class Session:
             self._add_models()
             show() if show else self.show_model(name)
 
-        self.jobs.submit(
-            Job(f"model {name}", lambda: (load(name),), loaded, self.jobs.reporting("Cannot open the model"))
-        )
+        ended = self.jobs.reporting("Cannot open the model")
+        self.jobs.submit(Job(f"model {name}", lambda: (load(name),), loaded, ended))
 
     def show_model(self, name: str) -> None:
         """Show a model's first object, unless one of its objects is shown; ``name`` may be a path."""
@@ -186,18 +185,14 @@ class Session:
 
     def _restore_fits(self, pending: tuple[FitRequest, ...]) -> None:
         """Continue requests; those of missing models wait for them."""
+        adopt = self.models.adopt
 
         def is_there(history: FitHistory) -> bool:
             return not history.model or self.models.find(history.model) is not None
 
-        waiting = tuple(request for request in pending if not is_there(request.history))
-        self._waiting = waiting
-        due = tuple(
-            request._replace(history=request.history.converted(self.models.adopt))
-            for request in pending
-            if request not in waiting
-        )
-        self.fitting.restore(due)
+        self._waiting = tuple(request for request in pending if not is_there(request.history))
+        due = (request for request in pending if is_there(request.history))
+        self.fitting.restore(tuple(request._replace(history=request.history.converted(adopt)) for request in due))
 
     def rename(self, name: str, to: str) -> None:
         """Rename an added object everywhere."""

@@ -76,11 +76,8 @@ def both(backend: Backend) -> Backend:
     """The same with two models: a blue block is a car, any other a chair."""
 
     def guess(cut: CutOut) -> dict[str, float]:
-        return (
-            {"cars": 0.95, "chairs": 0.01}
-            if bool((cut.pixels[..., 2] > cut.pixels[..., 0]).any())
-            else {"chairs": 0.95}
-        )
+        is_blue = bool((cut.pixels[..., 2] > cut.pixels[..., 0]).any())
+        return {"cars": 0.95, "chairs": 0.01} if is_blue else {"chairs": 0.95}
 
     return replace(backend, load_model=two_models().__getitem__, guess_category=guess)
 

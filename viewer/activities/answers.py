@@ -34,9 +34,8 @@ class Answers:
     def try_again(self, request: FitRequest, history: FitHistory | None = None) -> None:
         """Repeat a failed fit with the photos, cut-outs and answers that it had, or with another history."""
         self._fitting.forget(request.history.sources)
-        self._fitting.begin(
-            request._replace(history=history or request.history, problem=""), self._fitting.waiting.confirmed
-        )
+        repeated = request._replace(history=history or request.history, problem="")
+        self._fitting.begin(repeated, self._fitting.waiting.confirmed)
 
     def needs_file(self, question: Question) -> bool:
         """Return whether a fit reads the file of the photo in question; a confirmed cut-out needs none."""

@@ -8,7 +8,6 @@ from PIL import Image
 
 from core.models.photo_detail import MAX_PHOTOS
 from core.photos.clip import is_clip
-from core.photos.clip_object import FrameCut
 from viewer.activities.fit_stream import Confirmed
 from viewer.services.backend import Backend
 from viewer.values.cut_out_preview import CutOutPreview
@@ -37,7 +36,9 @@ def read_frames(
     """Yield the read fraction of a request's video, 0..1, then, and as the result, a request of some of its frames."""
     source = request.history.sources[0]._replace(copy=None)
     cuts = yield from backend.clip(source.path)
-    frames = _spread(cuts.frames)
+    count = min(MAX_PHOTOS, len(cuts.frames))
+    middles = [(2 * number + 1) * len(cuts.frames) // (2 * count) for number in range(count)]  # evenly spread
+    frames = [cuts.frames[number] for number in middles]
     sources = tuple(keep_image(source, frame.image) for frame in frames)
     pairs = [(frame.cut, CutOutPreview.of(frame.image, frame.cut)) for frame in frames]
     confirmed = {frame_source: lambda pair=pair: pair for frame_source, pair in zip(sources, pairs, strict=True)}
@@ -45,9 +46,3 @@ def read_frames(
     clip = ClipRequest(request._replace(history=history, answered=len(sources)), confirmed, cuts.note)
     yield clip
     return clip
-
-
-def _spread(frames: tuple[FrameCut, ...]) -> list[FrameCut]:
-    """Return at most :data:`MAX_PHOTOS` frames, evenly spread over the video."""
-    count = min(MAX_PHOTOS, len(frames))
-    return [frames[(2 * number + 1) * len(frames) // (2 * count)] for number in range(count)]

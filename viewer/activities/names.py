@@ -90,11 +90,9 @@ class Names:
         if instance.codes.texture_key == original.codes.texture_key:
             return ""
         paints = [paint for paint in instance.codes.of_kind(PartPaint) if paint not in original.codes.edits]
-        return (
-            colour_word(paints[-1].colour)
-            if paints
-            else self._direction_word("texture", instance, original) or "repainted"
-        )
+        if paints:
+            return colour_word(paints[-1].colour)
+        return self._direction_word("texture", instance, original) or "repainted"
 
     def _direction_word(self, kind: CodeKind, instance: Instance, original: Instance) -> str:
         words = (self._words(instance.model) or {}).get(kind, ())

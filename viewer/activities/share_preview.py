@@ -47,11 +47,10 @@ class SharePreview:
             work = {"page": FEW_PIXELS, "mesh": 0}.get(settings.kind, rendered_pixels(views))
             camera = views[0].camera.resized(_SIZE, round(_SIZE / WIDE) if settings.wide else _SIZE)
             few = RenderSettings(FEW_SAMPLES, divisors=(1,))
+            job = RenderJob(views[0].instance, camera, few, shadow=settings.shows_shadow)
             seconds = 0.0  # of this job alone: others have their turns between its steps
             began = time.perf_counter()
-            for frame in self._jobs.backend.frames(
-                RenderJob(views[0].instance, camera, few, shadow=settings.shows_shadow)
-            ):
+            for frame in self._jobs.backend.frames(job):
                 seconds += time.perf_counter() - began
                 pace = seconds / (camera.width * camera.height)
                 yield (with_dimensions(over(frame, None, camera), camera), work * pace or None) if frame else None

@@ -138,9 +138,8 @@ class Thumbnails:
 
     def _render(self, batch: list[tuple[_Key, Instance]]) -> Iterator[tuple[_Key, Frame] | None]:
         for key, instance in batch:
-            for frame in self._jobs.backend.frames(
-                RenderJob(instance, key.camera, RenderSettings(key.samples, divisors=(1,)))
-            ):
+            job = RenderJob(instance, key.camera, RenderSettings(key.samples, divisors=(1,)))
+            for frame in self._jobs.backend.frames(job):
                 yield (key, frame) if frame else None
 
     def _keep(self, rendered: tuple[_Key, Frame]) -> None:

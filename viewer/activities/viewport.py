@@ -281,11 +281,8 @@ class Viewport:
         current = self.frame_request
         if current is None or self.frame is None or self.baked_frame:
             return False
-        if (current.instance, current.camera, current.settings.pan) != (
-            request.instance,
-            request.camera,
-            request.settings.pan,
-        ):
+        view = current.instance, current.camera, current.settings.pan
+        if view != (request.instance, request.camera, request.settings.pan):
             return False
         width, height = self.frame.resolution
         return height > frame.resolution[1] and abs(width / height * frame.resolution[1] - frame.resolution[0]) <= 1

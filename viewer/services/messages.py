@@ -78,10 +78,8 @@ class Messages:
     @property
     def newest(self) -> Message | None:
         """The message on screen: the newest until it fades, then one that is still to be read."""
-        visible = [message for message in self.all if not message.faded]
-        return next(
-            (message for message in reversed(visible) if message is self.all[-1] or message.buttons == OK), None
-        )
+        visible = (message for message in reversed(self.all) if not message.faded)
+        return next((message for message in visible if message is self.all[-1] or message.buttons == OK), None)
 
     def notify(self, text: str, kind: MessageKind = MessageKind.DONE, **more: Any) -> None:
         """Show a message, replacing an equal one; ``more`` are fields of :class:`Message`."""
@@ -121,16 +119,5 @@ def error_text(error: Exception) -> str:
         name = f"{Path(printable(error.filename)).name}: " if error.filename else ""
         return name + error.strerror[:1].lower() + error.strerror[1:]
     if isinstance(error, ValueError | OSError) and text:
-        return without_folders(_REASON.sub(": it is damaged, or of another kind", text))
+        return _FOLDERS.sub("", _REASON.sub(": it is damaged, or of another kind", text))
     return UNFORESEEN
-
-
-def without_folders(text: str) -> str:
-    """Shorten absolute paths in a text to file names.
-
-    >>> without_folders("no such image: /home/me/my photos/chair.png")
-    'no such image: chair.png'
-    >>> without_folders("PNG / JPEG, 3/4 of it")
-    'PNG / JPEG, 3/4 of it'
-    """
-    return _FOLDERS.sub("", text)

@@ -76,7 +76,7 @@ class Worker:
     def submit(self, job: Job) -> None:
         """Start a job in place of an older one of its name; after the first value of an urgent one."""
         with self._changed:
-            current = self._find(job.name)
+            current = next((entry for entry in self._running if entry.job.name == job.name and not entry.over), None)
             if current and current.job.urgent and not current.posted:
                 self._next[job.name] = job
             else:
@@ -117,9 +117,6 @@ class Worker:
         self.stop()
         self._thread.join()
         self._delivery.clear()
-
-    def _find(self, name: str) -> _Running | None:
-        return next((entry for entry in self._running if entry.job.name == name and not entry.over), None)
 
     def _begin(self, job: Job, old: _Running | None) -> None:
         if old:  # an urgent job's pending frame is still worth seeing; other results would mislead

@@ -91,9 +91,8 @@ def _untrusted(path: Path) -> Iterator[sqlite3.Connection]:
         raise FileNotFoundError(path)
     if path.stat().st_size > _MAX_FILE:
         raise ValueError(f"a project has at most {_MAX_FILE / 1e6:.0f} MB")
-    with closing(
-        sqlite3.connect(f"file:{quote(path.absolute().as_posix())}?mode=ro&immutable=1", uri=True)
-    ) as connection:
+    address = f"file:{quote(path.absolute().as_posix())}?mode=ro&immutable=1"
+    with closing(sqlite3.connect(address, uri=True)) as connection:
         connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 4 * MAX_TEXT)
         for pragma in ("trusted_schema = OFF", "cell_size_check = ON", "query_only = ON", "mmap_size = 0"):
             connection.execute(f"PRAGMA {pragma}")

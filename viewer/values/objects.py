@@ -57,11 +57,9 @@ class EditableObject:
     def converted(self, change: Callable[[Instance], Instance]) -> "EditableObject":
         """Return the object with changed codes, also those before its edits; itself if they stay."""
         instance = change(self.instance)
-        return (
-            self
-            if instance is self.instance
-            else replace(self, instance=instance, unedited=self.unedited and change(self.unedited))
-        )
+        if instance is self.instance:
+            return self
+        return replace(self, instance=instance, unedited=self.unedited and change(self.unedited))
 
     def refitted(self, better: "EditableObject") -> "EditableObject":
         """Return the object with the codes and the confidence of a better fit; its edits stay."""

@@ -26,9 +26,8 @@ def in_mode(frame: Frame, camera: Camera, mode: str) -> Frame:
     image = MODES[mode](frame, camera)
     if image is None:
         return frame
-    return replace(
-        frame, image=image, opacity=np.ones_like(frame.opacity) if mode in _WITHOUT_BACKGROUND else frame.opacity
-    )
+    opacity = np.ones_like(frame.opacity) if mode in _WITHOUT_BACKGROUND else frame.opacity
+    return replace(frame, image=image, opacity=opacity)
 
 
 def colour_map(values: Float[np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shape 3"]:

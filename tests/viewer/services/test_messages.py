@@ -49,6 +49,7 @@ def test_an_offer_stays_until_it_is_replaced_and_what_is_to_be_read_comes_back()
     ("error", "text"),
     [
         (ValueError("no such image: /home/me/my photos/chair.png"), "no such image: chair.png"),
+        (ValueError("PNG / JPEG, 3/4 of it"), "PNG / JPEG, 3/4 of it"),
         (ValueError(r"C:\Users\me\a.json is not a scene file"), "a.json is not a scene file"),
         (FileNotFoundError(2, "No such file or directory", "/a/folder/b.json"), "b.json: no such file or directory"),
         (
