@@ -39,10 +39,8 @@ def in_window(
             backend = replace(request.getfixturevalue(fixture), **stand_ins)
             drive(lambda window: act(window, **fixtures), backend, size, strict)
 
-        wrapper_parameters, act_parameters = (list(signature(function).parameters.values()) for function in (test, act))
-        test.__signature__ = Signature(
-            [*wrapper_parameters[:2], *act_parameters[1:]]
-        )  # by which pytest finds the fixtures
+        outer, inner = (list(signature(function).parameters.values()) for function in (test, act))
+        test.__signature__ = Signature([*outer[:2], *inner[1:]])  # by which pytest finds the fixtures
         test.__name__ = act.__name__
         test.__doc__ = act.__doc__
         test.__module__ = act.__module__

@@ -17,7 +17,6 @@ from core.editing.paint import Paint
 from core.editing.parts import Box, Handle, PartMap
 from core.edits.paint import PartPaint, Rgb
 from core.export.films import View
-from core.export.video import VideoSettings, write_video
 from core.export.video_frames import over
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
 from core.fitting.photo_views import with_photo_detail
@@ -67,6 +66,11 @@ def blue_block(photo: Path) -> Path:
     return path
 
 
+def shifted(instance: Instance, by: float) -> Instance:
+    """Return an object with a number added to its texture code."""
+    return instance.changed(texture=instance.codes.texture + by)
+
+
 def photographed(scene: Scene) -> Scene:
     """Return a scene whose object has a photo, white, from azimuth 1 rad and elevation 0.4 rad."""
     instance = scene.instance
@@ -106,12 +110,6 @@ def quick_pictures(
     for instance, camera in views:
         for frame in quick_frames(RenderJob(instance, camera, RenderSettings(divisors=(1,)))):
             yield over(frame, background) if frame else None
-
-
-def small_video(views: list[View], path: Path, settings: VideoSettings) -> Iterator[int]:
-    """A film with a sixteenth of the pixels along each side."""
-    small = [View(instance, camera.resized(camera.width // 16, camera.height // 16)) for instance, camera in views]
-    return write_video(small, path, settings)
 
 
 def quick_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
@@ -176,15 +174,9 @@ def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             begin = job.resume_from if not start else None
             first = (*(begin.cameras if begin else ()), *(camera for _ in job.photos))[: len(job.photos)]
             cameras = tuple(camera or start_camera for camera, start_camera in zip(known_cameras, first, strict=True))
-            hypotheses.append(
-                Hypothesis(
-                    begin.origin if begin else start,
-                    (1 + 0.1 * start) * loss,
-                    cameras,
-                    instance,
-                    torch.zeros(len(known_cameras), 4),
-                )
-            )
+            origin = begin.origin if begin else start
+            crops = torch.zeros(len(known_cameras), 4)
+            hypotheses.append(Hypothesis(origin, (1 + 0.1 * start) * loss, cameras, instance, crops))
         behind = tuple(replace(camera, azimuth=camera.azimuth + math.pi) for camera in hypotheses[0].cameras)
         yield FitStep(
             *(step + 1, 10, 0, loss, 10.0 + step, 0.1 * step, hypotheses[0].cameras, instance, len(hypotheses)),
@@ -261,9 +253,8 @@ class Bakery:
         for cells in (64, 128):
             yield None
             texels = np.zeros((cells + 1,) * 3 + (4,), np.uint8)
-            yield BakedField(
-                texels, np.ones((64,) * 3, np.uint8), instance.model.extent, FieldConfig(), 0.0, len(texels) - 1
-            )
+            occupied = np.ones((64,) * 3, np.uint8)
+            yield BakedField(texels, occupied, instance.model.extent, FieldConfig(), 0.0, cells)
 
 
 def two_parts(instance: Instance, camera: Camera, frame: Frame, box: Box, is_outer: bool = True) -> PartMap:

@@ -27,31 +27,25 @@ def test_every_action_is_in_the_readme_and_every_key_once() -> None:
     assert len(pressed) == len({*pressed})
 
 
+_KEY = imgui.Key
+_CTRL = _KEY.mod_ctrl
+
+
 @pytest.mark.parametrize(
     ("keys", "expected"),
     [
         ("", []),
-        ("Home", [imgui.Key.home]),
-        ("K", [imgui.Key.k]),
-        ("1", [imgui.Key._1, imgui.Key.keypad1]),
-        ("F1, ?", [imgui.Key.f1, imgui.Key.mod_shift + imgui.Key.slash]),
-        (
-            "Ctrl+Y, Ctrl+Shift+Z",
-            [imgui.Key.mod_ctrl + imgui.Key.y, imgui.Key.mod_ctrl + imgui.Key.mod_shift + imgui.Key.z],
-        ),
-        (
-            "Ctrl++",
-            [
-                imgui.Key.mod_ctrl + imgui.Key.equal,
-                imgui.Key.mod_ctrl + imgui.Key.mod_shift + imgui.Key.equal,
-                imgui.Key.mod_ctrl + imgui.Key.keypad_add,
-            ],
-        ),
-        ("Ctrl+-", [imgui.Key.mod_ctrl + imgui.Key.minus, imgui.Key.mod_ctrl + imgui.Key.keypad_subtract]),
+        ("Home", [(_KEY.home,)]),
+        ("K", [(_KEY.k,)]),
+        ("1", [(_KEY._1,), (_KEY.keypad1,)]),
+        ("F1, ?", [(_KEY.f1,), (_KEY.mod_shift, _KEY.slash)]),
+        ("Ctrl+Y, Ctrl+Shift+Z", [(_CTRL, _KEY.y), (_CTRL, _KEY.mod_shift, _KEY.z)]),
+        ("Ctrl++", [(_CTRL, _KEY.equal), (_CTRL, _KEY.mod_shift, _KEY.equal), (_CTRL, _KEY.keypad_add)]),
+        ("Ctrl+-", [(_CTRL, _KEY.minus), (_CTRL, _KEY.keypad_subtract)]),
     ],
 )
-def test_keys_are_chords(keys: str, expected: list[int]) -> None:
-    assert chords(keys) == [int(chord) for chord in expected]
+def test_keys_are_chords(keys: str, expected: list[tuple[imgui.Key, ...]]) -> None:
+    assert chords(keys) == [chord(*pressed) for pressed in expected]
 
 
 @in_window()

@@ -12,7 +12,7 @@ import pytest
 from imgui_bundle import hello_imgui, imgui
 
 from tests.viewer.driver import Drive, Driver, in_window, tooltip
-from tests.viewer.stand_ins import blue_block, endless_fit, small_video
+from tests.viewer.stand_ins import endless_fit
 from viewer import app
 from viewer.panels import all_panels
 from viewer.screen.file_dialog import FileRequest
@@ -347,35 +347,6 @@ def test_letters_typed_while_a_dialog_is_open_change_no_object(window: Driver) -
     assert not window.context.share_open
     window.press(key.r)
     assert editor.history is not history
-
-
-def test_a_car_beside_a_chair_fitted_edited_undone_shared(drive: Drive, both: Backend, photo: Path, tmp_path: Path):
-    def act(window: Driver) -> None:
-        session = window.session
-        editor = window.session.editor
-        window.fit(blue_block(photo))
-        window.fit(photo)
-        assert editor.objects.own == ["block", "block blue"]
-        for name, category in (("block blue", "cars"), ("block", "chairs")):
-            window.click(f"Library/**/show {name}")
-            window.show("Mix")
-            window.drag("Mix/mix pad", 30, -20)
-            assert editor.model.category == category
-            window.context.share("turntable")
-            window.click("Share/###save")
-            window.type(str(tmp_path / f"{category}.gif"))
-            window.wait(lambda: not session.exporting.running)
-            window.context.share_open = False
-        assert len(list(tmp_path.glob("*.gif"))) == 2
-        assert session.messages.errors == []
-        assert not [message.text for message in session.messages.log if "model" in message.text]
-        models = {state.scene.instance.fingerprint for state in editor.history.states}
-        assert len(models) == 2
-        while editor.history.past:
-            window.undo()
-        assert editor.model.category == "chairs" and len(editor.history.future) == 6  # two fits, choices and mixes
-
-    drive(act, replace(both, video=small_video), folder=tmp_path / "config")
 
 
 def test_a_photo_of_the_command_line_brings_its_panel_to_the_front(drive: Drive, photo: Path) -> None:

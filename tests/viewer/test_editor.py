@@ -10,6 +10,7 @@ from core.models.codes import CodeBook
 from core.models.model import Model
 from core.models.photo_detail import PhotoDetail, PhotoView
 from tests.conftest import open_models, random_model
+from tests.viewer.stand_ins import shifted
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
@@ -85,9 +86,8 @@ def test_a_mix_begins_with_the_edited_object(editor: Editor) -> None:
         editor.mix_both(amount, amount, gesture="pad")
     assert torch.equal(editor.scene.instance.codes.texture, edited)
     editor.mix_both(0.5, 0.5)
-    torch.testing.assert_close(
-        editor.scene.instance.codes.texture, (edited + editor.objects[editor.state.mix.b].instance.codes.texture) / 2
-    )
+    b = editor.objects[editor.state.mix.b].instance
+    torch.testing.assert_close(editor.scene.instance.codes.texture, (edited + b.codes.texture) / 2)
     editor.show_object("object 1")
     assert editor.unmixed == editor.objects["object 1"].instance
 
@@ -182,11 +182,9 @@ def test_a_mix_stays_as_a_version_of_a_when_another_object_is_shown(editor: Edit
 def test_an_object_keeps_its_edits_when_its_fit_is_improved(editor: Editor, model: Model) -> None:
     chair = replace(fitted(model), key="7")
     name = editor.add_and_show(chair, editor.scene.camera)
-    editor.edit(editor.scene.instance.changed(texture=editor.scene.instance.codes.texture + 1.0))
+    editor.edit(shifted(editor.scene.instance, 1.0))
     edited = editor.scene.instance
-    better = replace(
-        chair, instance=chair.instance.changed(texture=chair.instance.codes.texture + 0.1), confidence=0.95
-    )
+    better = replace(chair, instance=shifted(chair.instance, 0.1), confidence=0.95)
     assert not editor.improve(name, better, editor.scene.camera)
     assert editor.scene.instance == editor.objects[name].instance == edited
     assert editor.objects[name].confidence == 0.95
@@ -199,7 +197,7 @@ def test_an_object_keeps_its_edits_when_its_fit_is_improved(editor: Editor, mode
 @pytest.mark.parametrize("end", ("show again", "show another", "reset", "add", "undo and redo"))
 def test_an_object_keeps_the_edits_of_a_drag_that_another_choice_ends(editor: Editor, model: Model, end: str) -> None:
     name = editor.add_and_show(fitted(model), editor.scene.camera)
-    editor.edit(editor.scene.instance.changed(texture=editor.scene.instance.codes.texture + 1.0), gesture="paint")
+    editor.edit(shifted(editor.scene.instance, 1.0), gesture="paint")
     edited = editor.scene.instance
     if end == "show again":
         editor.show_object(name)
@@ -232,7 +230,7 @@ def test_edits_of_an_object_here_and_in_a_project_are_both_within_reach(model: M
         assert editor.objects.own == ["fitted"]
         assert editor.objects["fitted"].original == chair.instance
         assert editor.objects["fitted"].instance == editor.scene.instance == saved.scene.instance
-        edited = chair.instance.changed(texture=chair.instance.codes.texture + texture_here)
+        edited = shifted(chair.instance, texture_here)
         states = [chair.instance, *({editor.scene.instance} - {chair.instance})]
         assert editor.objects.states("fitted") == states + ([edited] if texture_here else [])
 

@@ -33,9 +33,8 @@ def call(*words: object, become: Sequence[str] = (), **environment: str) -> subp
     command = [*become, sys.executable, "-m", "viewer", *map(str, words)]
     root = Path(__file__).resolve().parents[2]
     settings = hidden | {"OMP_NUM_THREADS": "1"} | environment
-    return subprocess.run(
-        command, cwd=root, env=settings, capture_output=True, text=True, timeout=120 * slowness(), check=False
-    )
+    limit = 120 * slowness()
+    return subprocess.run(command, cwd=root, env=settings, capture_output=True, text=True, timeout=limit, check=False)
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from PIL import Image
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from tests.viewer.driver import Drive, Driver
-from tests.viewer.stand_ins import codes_key, detailed_fit, two_models
+from tests.viewer.stand_ins import codes_key, detailed_fit, shifted, two_models
 from viewer.services.backend import Backend
 from viewer.services.messages import MessageKind
 from viewer.store import store
@@ -37,7 +37,7 @@ def varied_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     shift = float(job.photos[0].pixels.double().mean())
     for step in detailed_fit(model, job):
         time.sleep(0.03)
-        yield replace(step, instance=step.instance.changed(texture=step.instance.codes.texture + shift))
+        yield replace(step, instance=shifted(step.instance, shift))
 
 
 class Made:
@@ -60,10 +60,8 @@ class Made:
         if editor.history.gesture:
             return
         objects = {codes_key(added.original): f"object {added.name}" for added in editor.objects.ever_added}
-        states = {
-            codes_key(state.scene.instance): f"state of {state.mix.a.words}"
-            for state, _ in editor.history.steps.values()
-        }
+        steps = editor.history.steps.values()
+        states = {codes_key(state.scene.instance): f"state of {state.mix.a.words()}" for state, _ in steps}
         self._descriptions |= {name: f"{text} at {len(self.log)}" for name, text in (states | objects).items()}
         self._newest[0].update(objects.keys() - self._trained)
         self._newest[1].update(states.keys() - self._trained)

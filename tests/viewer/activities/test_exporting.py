@@ -104,19 +104,13 @@ def test_all_colours_of_one_shape_go_into_one_file(session: Session, editor: Edi
 
     session.jobs.backend = replace(session.jobs.backend, mesh=mesh)
     plain = editor.scene.instance
-    red, blue = (
-        plain.with_edits(PartPaint, PartPaint("", colour, (0.5, 0.5, 0.5)))
-        for colour in ((0.8, 0.1, 0.1), (0.1, 0.1, 0.8))
-    )
+    grey = 0.5, 0.5, 0.5
+    red = plain.with_edits(PartPaint, PartPaint("", (0.8, 0.1, 0.1), grey))
+    blue = plain.with_edits(PartPaint, PartPaint("", (0.1, 0.1, 0.8), grey))
     wide = blue.with_edits(Stretch, Stretch((1.2, 1.0, 1.0)))
-    for name, instance, settings in (
-        ("a.glb", red, ShareSettings("mesh", all_versions=True)),
-        ("b.glb", blue, ShareSettings("mesh", all_versions=True)),
-        ("c.3mf", blue, ShareSettings("mesh", mesh=".3mf", all_versions=True)),
-        ("d.glb", wide, ShareSettings("mesh", all_versions=True)),
-    ):
+    for name, instance in (("a.glb", red), ("b.glb", blue), ("c.3mf", blue), ("d.glb", wide)):
         editor.edit(instance)
-        session.exporting.share(tmp_path / name, settings)
+        session.exporting.share(tmp_path / name, ShareSettings("mesh", mesh=name[1:], all_versions=True))
         finish(session, lambda: not session.exporting.running)
     assert [[*variants.values()] for variants in written] == [[red, plain], [blue, red, plain], [], [wide]]
     assert len(written[1]) == 3  # names differ

@@ -168,9 +168,8 @@ def test_all_files_that_are_no_photos_are_one_message(session: Session, photo: P
     for path in words:
         path.write_text("words")
     session.fitting.start(*words, photo)
-    assert [message.text for message in session.messages.all] == [
-        "5 of 6 are no photos: diary 0.txt, diary 1.txt, diary 2.txt, …"
-    ]
+    (message,) = session.messages.all
+    assert message.text == "5 of 6 are no photos: diary 0.txt, diary 1.txt, diary 2.txt, …"
     assert [request.history.name for request in session.fitting.pending] == ["block"]
     session.fitting.start(*words)
     assert len(session.fitting.pending) == 1 and session.messages.newest.kind is MessageKind.PROBLEM

@@ -89,10 +89,8 @@ def test_one_of_simultaneous_starts_is_the_window(tmp_path: Path) -> None:
     home = tmp_path / "home"
     go = tmp_path / "go"
     words = [sys.executable, "-c", _START, home, go]
-    started = {
-        name: subprocess.Popen([*words, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        for name in "abcd"
-    }
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    started = {name: subprocess.Popen([*words, name], text=True, **pipes) for name in "abcd"}
     go.touch()
     said = {name: process.communicate()[0].split() for name, process in started.items()}
     (window,) = [name for name, lines in said.items() if lines[0] == "window"]

@@ -59,17 +59,7 @@ def test_a_saved_project_is_loaded_completely(saved: Project, session: Session, 
     loaded = opened(tmp_path / "a.codenerf", session)
     assert loaded.history == saved.history and len(loaded.history.branches()) == 1
     assert len(loaded.history.future) == 1 and all(map(session.editor.objects.can_show, loaded.history.states))
-    for saved_object, loaded_object in zip(saved.objects, loaded.objects, strict=True):
-        assert (loaded_object.name, loaded_object.key, loaded_object.version_of) == (
-            saved_object.name,
-            saved_object.key,
-            saved_object.version_of,
-        )
-        assert (loaded_object.ends, loaded_object.fitted, loaded_object.confidence) == (
-            saved_object.ends,
-            saved_object.fitted,
-            saved_object.confidence,
-        )
+    assert [vars(item) for item in loaded.objects] == [vars(item) for item in saved.objects]
     assert loaded.pending[0].history.sources == saved.pending[0].history.sources
     ((key, fit),) = loaded.fits.items()
     expected = saved.fits[key]

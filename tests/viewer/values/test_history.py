@@ -9,7 +9,7 @@ from core.models.model import Model
 from core.models.scene import Scene
 from tests.conftest import random_model
 from viewer.values import history as module
-from viewer.values.history import History
+from viewer.values.history import History, Step
 from viewer.values.state import Mix, Pair, State
 
 
@@ -114,6 +114,9 @@ def test_later_states_take_over_what_is_removed(edited: Callable[[int], State]) 
     assert history.undone().now == edited(0)
 
 
+_NO_PARENTS = (1, 2), (0, 2), (2, -1), (2, 9)  # numbers of steps, and parents that they cannot have
+
+
 def test_what_is_no_tree_is_refused(edited: Callable[[int], State]) -> None:
     history = History.of(edited(0), edited(1), edited(2))
     history.check()
@@ -123,10 +126,7 @@ def test_what_is_no_tree_is_refused(edited: Callable[[int], State]) -> None:
         replace(history, current=3),
         replace(history, tip=1),
         replace(history, tip=-4),
-        *(
-            replace(history, steps=steps | {number: steps[number]._replace(parent=parent)})
-            for number, parent in ((1, 2), (0, 2), (2, -1), (2, 9))
-        ),
+        *(replace(history, steps=steps | {number: Step(steps[0].state, parent)}) for number, parent in _NO_PARENTS),
         replace(history, steps=steps | {-1: steps[0]}),
         replace(history, steps=steps | {2**62: steps[2]}),
     )

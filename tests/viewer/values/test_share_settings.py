@@ -67,9 +67,8 @@ def test_a_turntable_turns_once_at_the_chosen_size_and_fills_its_frame(model: Mo
     near = replace(scene, camera=replace(scene.camera, distance=0.4 * model.distance))
     views = ShareSettings("turntable", size=40).views(near)
     assert len(views) == TURN
-    assert {(view.camera.width, view.camera.height, view.camera.distance) for view in views} == {
-        (40, 40, model.distance)  # its perspective stays
-    }
+    frames = {(view.camera.width, view.camera.height, view.camera.distance) for view in views}
+    assert frames == {(40, 40, model.distance)}  # its perspective stays
     wide = ShareSettings("turntable", size=40, wide=True).views(near)
     assert {(view.camera.width, view.camera.height) for view in wide} == {(72, 40)}
 
