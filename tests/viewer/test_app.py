@@ -186,7 +186,7 @@ def test_the_layout_at_first_comes_back_by_a_reset(drive: Drive) -> None:
         first = {"Library", "View", "Mix", "Sliders", "Photo"}
         assert {*first} - {"Sliders", "Photo"} <= seen(window) <= first
         assert corner("Library").x < corner("View").x < corner("Mix").x
-        hidden = {name for name in first if window.ctx.window_info(f"//{name}").window.dock_node.is_hidden_tab_bar()}
+        hidden = {name for name in first if window.ctx.window_info(f"//{name}").window.dock_node.is_no_tab_bar()}
         assert hidden == {"View", "Library"}  # which say themselves what they are
         for is_shown in (True, False):
             window.menu("Panels/Developer")

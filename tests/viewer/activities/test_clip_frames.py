@@ -49,7 +49,7 @@ def video(session: Session) -> Path:
 def test_spread_frames_of_a_video_are_fitted_as_photos_of_one_object(session: Session, video: Path) -> None:
     fit(session, video)
     history = session.fitting.history
-    assert session.editor.objects.own[0] == "block"
+    assert session.editor.objects.own[0] == "block, 4 photos"
     lefts = [int(fitted.preview.pixels.min((0, 2)).argmin()) for fitted in history.photos if fitted.preview]
     assert [left - lefts[0] for left in lefts] == [0, 2, 3, 5]
     assert [source.path for source in history.sources] == [video] * 4
@@ -96,14 +96,14 @@ def test_a_video_that_cannot_be_read_is_reported_and_can_be_tried_again(session:
     session.jobs.backend = replace(session.jobs.backend, clip=six_frames)
     session.answers.try_again(question.request)
     finish(session, lambda: not session.fitting.running)
-    assert session.editor.objects.own[0] == "block"
+    assert session.editor.objects.own[0] == "block, 4 photos"
 
 
 def test_a_video_waits_for_the_photo_before_it(session: Session, video: Path, photo: Path) -> None:
     session.fitting.start(photo, video)
     assert len(session.fitting.waiting.requests) == 1
     finish(session, lambda: not session.fitting.running)
-    assert session.editor.objects.own[:2] == ["block (2)", "block"]
+    assert session.editor.objects.own == ["block", "block, 4 photos"]
 
 
 def test_a_copy_of_a_frame_is_read_in_place_of_the_video(tmp_path: Path) -> None:

@@ -126,7 +126,7 @@ def test_a_photo_chosen_for_a_fit_is_not_added_to_another(session: Session, phot
     session.fitting.add_photo(first, photo)
     assert len(session.fitting.history.sources) == 1
     finish(session, lambda: not session.fitting.pending)
-    session.editor.show_object("block (3)")
+    session.editor.show_object("block, 2 photos")
     session.tick()
     assert len(session.fitting.shown.sources) == 2
 
