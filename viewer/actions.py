@@ -48,10 +48,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "View": (
         Gesture("Drag, or arrow keys", "turn the object; finer with Shift"),
         Gesture("Wheel, or + and -", "zoom"),
-        Gesture(
-            "Click a part",
-            "it lights up: drag its handle to make the object taller or wider, click its name for its colour",
-        ),
+        Gesture("Click a part", "it lights up: its handle makes the object taller or wider, its name has its colours"),
         Gesture("Middle or right drag", "pan: move the object in the view"),
         Gesture("Double click", "the first view again: its photo's camera, if the object has a photo"),
         Action("reset_view", "Reset view", "0", "the first view again: its photo's camera, if the object has a photo"),
@@ -123,7 +120,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("reset_layout", "Reset layout", "", "the panels as at first"),
         Gesture("Esc", "undo the drag, or close what is on top: a menu, a dialog, the help"),
         Gesture("Tab, arrow keys", "move between controls; Space presses one, and Ctrl+Tab goes to the next panel"),
-        Action("help", "Keys and search…", "Ctrl+K, F1, ?", "search keys, panels and objects; Enter runs the first"),
+        Action("help", "Keys and search…", "Ctrl+K, F1, ?", "search keyboard shortcuts, panels and objects"),
         Action("quit", "Quit", "Ctrl+Q", "end the program"),
     ),
 }  # rows by place, in the order of the help

@@ -31,10 +31,9 @@ from viewer.values.preferences import Preferences
 _RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS, _RATE_OF_FILMS = 60.0, 30.0, 8.0, 20.0
 """Limits of frames per second: usually; if OpenGL and a busy worker share the processor; then without input; and while
 previews of films move."""
-_MOVING = (imgui.Key.tab, imgui.Key.left_arrow, imgui.Key.right_arrow, imgui.Key.up_arrow, imgui.Key.down_arrow)
+_ANSWERS = imgui.Key.enter, imgui.Key.keypad_enter, imgui.Key.escape, imgui.Key.f1  # keys that close fields or dialogs
 _TOUCHED = 0.7  # s after an input during which the window counts as touched
 _INSPECTOR = 300.0, 0.185  # least width, px at 96 ppi; fraction of the window's width
-_MOST = 0.5  # fraction of the window's width that the inspector takes at most
 _LIBRARY = 140.0, 0.09  # as of the inspector
 _NARROW = 1100.0  # px at 96 ppi: in a narrower window the library is a strip below the view
 _OTHER_WIDTH = 0.25  # natural logarithm of a change of width after which panels are placed again
@@ -49,7 +48,6 @@ class App:
     _software = False  # OpenGL shares the processor with the worker
     _touched = 0.0  # s on the monotonic clock, time of the last input
     _themed: bool | None = None  # the dark theme is applied
-    _moved_focus = False  # the last key was one of those that move the focus
     _popup_open = False  # a popup was open before this frame; imgui closes some on Esc
 
     def __init__(
@@ -196,7 +194,7 @@ class App:
         right, left = (max(min_width, fraction * width) for min_width, fraction in (_INSPECTOR, _LIBRARY))
         library = (dirs.down, _STRIP / height) if width < _NARROW else (dirs.left, left / (width - right))
         return [
-            hello_imgui.DockingSplit("MainDockSpace", "Right", dirs.right, min(right / width, _MOST)),
+            hello_imgui.DockingSplit("MainDockSpace", "Right", dirs.right, min(right / width, 0.5)),  # half at most
             hello_imgui.DockingSplit("MainDockSpace", "Left", *library),
         ]
 
@@ -347,7 +345,8 @@ class App:
     def _draw(self) -> None:
         """Run pressed keys, and draw everything that is not docked."""
         context = self.context
-        self._follow_focus()
+        if imgui.get_io().input_queue_characters or any(map(imgui.is_key_pressed, _ANSWERS)):
+            imgui.get_current_context().nav_highlight_item_under_nav = False  # no tooltip of what has the focus next
         self._guard("This key failed", lambda: run_keys(context))
         self._guard("This key failed", lambda: self._close_top(context))
         for name, draw in self._overlays.items():
@@ -367,16 +366,6 @@ class App:
         context.images.sweep()
         if not imgui.is_any_mouse_down():
             self._save_preferences()
-
-    def _follow_focus(self) -> None:
-        """Show tooltips of the focused control only after Tab or an arrow key: they would cover what was typed for."""
-        io = imgui.get_io()
-        others = imgui.Key.enter, imgui.Key.keypad_enter, imgui.Key.escape
-        if io.input_queue_characters or io.key_ctrl or any(map(imgui.is_key_pressed, others)):
-            self._moved_focus = False
-        elif any(map(imgui.is_key_pressed, _MOVING)):
-            self._moved_focus = True
-        imgui.get_current_context().nav_highlight_item_under_nav &= self._moved_focus
 
     def _close_top(self, context: PanelContext) -> None:
         """On Esc undo a drag, else close open menus and lists, the help or Share; modal dialogs close themselves."""

@@ -16,8 +16,7 @@ from viewer.widgets.text import heading
 _WHAT, _DOES = 13, 32  # em: widths of the columns
 _MOST = 12  # listed results
 _IDLE = {"a", "an", "the", "it", "my", "i", "how", "to", "do", "make", "change"}  # words that need not be found
-_SAME = {"color": "colour", "rotate": "turn", "delete": "remove", "export": "share", "bigger": "taller"}
-_SAME |= {"resize": "size"} | dict.fromkeys(("keyboard", "shortcut", "shortcuts", "hotkeys"), "keys")
+_SAME = {"color": "colour", "rotate": "turn", "delete": "remove", "export": "share", "resize": "size"}
 
 
 class Entry(NamedTuple):
@@ -119,8 +118,7 @@ def find(context: PanelContext, search: str) -> list[Entry]:
     for entry in entries(context) if sought else ():
         words = entry.words.lower()
         if all(word in f"{words} {entry.description.lower()}" for word in sought):
-            is_named = all(word in words for word in sought)
-            rank = 0 if words == text else 1 if words.startswith(text) else 2 if is_named else 3
+            rank = 0 if words == text else 1 if words.startswith(text) else 2 if text in words else 3
             ranked.append((rank, entry))
     return [entry for _, entry in sorted(ranked, key=lambda result: result[0])]
 

@@ -86,17 +86,10 @@ def listed(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
     return [path for _, path in sorted(dated, reverse=True)[:_MOST]]
 
 
-def _home() -> Path:
-    """Return the user's home, or the current folder for a user without one."""
-    with suppress(RuntimeError):
-        return Path.home()
-    return Path.cwd()
-
-
 def _downloads() -> Path:
-    """Return the user's folder of downloads, where photos come from, or without one the home."""
-    folder = _home() / "Downloads"
-    return folder if is_there(folder, Path.is_dir) else folder.parent
+    """Return the user's folder of downloads, where photos come from; without one the home, or the current folder."""
+    folders = _expanded("~/Downloads"), _expanded("~")
+    return next((folder for folder in folders if is_there(folder, Path.is_dir)), Path.cwd())
 
 
 def has_native() -> bool:
@@ -240,12 +233,10 @@ class FileDialog:
         path = request.path(self._text)
         files = f" its {len(photos)} photos" if photos else f" {len(self._chosen)} files" if self._chosen else ""
         label = f"Open{files}" if not request.save else "Replace" if self._to_replace == path else "Save"
-        width = max(hello_imgui.em_size(6), imgui.calc_text_size(label).x + hello_imgui.em_size(1.5))
-        pressed = imgui.button(f"{label}###choose", (width, 0))
+        pressed = imgui.button(f"{label}###choose", hello_imgui.em_to_vec2(0 if files else 6, 0))
         accepted = photos if pressed and photos else self._accepted(request) if pressed or entered else []
-        path_id = imgui.get_id("##path")
-        if entered and not accepted and (state := imgui.internal.get_input_text_state(path_id)):
-            imgui.internal.set_active_id(path_id, imgui.internal.get_current_window())  # no key typed now is lost
+        if entered and not accepted and (state := imgui.internal.get_input_text_state(imgui.get_id("##path"))):
+            imgui.internal.set_active_id(state.id_, imgui.internal.get_current_window())  # no key typed now is lost
             state.reload_user_buf_and_move_to_end()
         imgui.same_line()
         cancelled = imgui.button("Cancel", hello_imgui.em_to_vec2(6, 0)) or imgui.is_key_pressed(imgui.Key.escape)
