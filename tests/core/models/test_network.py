@@ -1,5 +1,6 @@
-"""An object's own network is rendered, mixed, taken and stored with the object."""
+"""Offsets of biases and an object's own network are rendered, mixed, taken and stored with the object."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,8 @@ from core.streams import run_to_end
 from tests.core.baked_reference import render_baked
 from tests.core.models.test_latents import freed
 
+Make = Callable[[Model, int], Instance]
+
 
 def owning(model: Model, index: int, scale: float = 0.02) -> Instance:
     """An object with free biases and a network of its own."""
@@ -35,19 +38,27 @@ def owning(model: Model, index: int, scale: float = 0.02) -> Instance:
     return model[index].changed(shape_offsets=shape, texture_offsets=texture)
 
 
-def test_every_renderer_shows_the_network(tiny: Model):
-    instance = owning(tiny, 0)
+@pytest.mark.parametrize(
+    ("make", "make_plain"),
+    [(freed, Model.__getitem__), (owning, lambda model, index: freed(model, index, 0.3))],
+    ids=["biases", "network"],
+)
+def test_every_renderer_shows_offsets(tiny: Model, make: Make, make_plain: Make):
+    instance = make(tiny, 0)
+    plain = make_plain(tiny, 0)
     camera = tiny.camera(0.7, 0.4)
     exact = render_exact(instance, camera)
-    assert float((exact.colour - render_exact(freed(tiny, 0, 0.3), camera).colour).abs().mean()) > 0.01
+    assert float((exact.colour - render_exact(plain, camera).colour).abs().mean()) > 0.01
     assert float((exact.colour - render_image(instance, camera).colour).abs().mean()) < 0.01
     *_, baked = (field for field in bake(instance) if field is not None)
     assert psnr(render_baked(baked, camera).colour, exact.colour) > 35
     mesh = run_to_end(extract_mesh(instance, 48))
     points = torch.from_numpy(mesh.vertices).float()
-    density, _ = with_network(tiny, instance.codes).field.density(points, instance.biases[0])
-    category, _ = tiny.field.density(points, instance.biases[0])
-    assert float(density.clamp_min(1e-6).log().std()) < float(category.clamp_min(1e-6).log().std())
+    spreads = []  # of the logarithm of densities on the mesh: small on an object's own
+    for shown in (instance, plain):
+        density, _ = with_network(tiny, shown.codes).field.density(points, shown.biases[0])
+        spreads.append(float(density.clamp_min(1e-6).log().std()))
+    assert spreads[0] < spreads[1]
 
 
 def test_the_weights_are_the_category_s_plus_offsets_and_the_model_does_not_change(tiny: Model):
@@ -63,12 +74,13 @@ def test_the_weights_are_the_category_s_plus_offsets_and_the_model_does_not_chan
     assert tiny.fingerprint == fingerprint
 
 
-def test_the_texture_s_network_leaves_the_shape(tiny: Model):
+@pytest.mark.parametrize("make", [freed, owning])
+def test_offsets_of_the_texture_leave_the_shape(tiny: Model, make: Make):
     camera = tiny.camera(0.4, 0.5)
-    instance = owning(tiny, 0)
+    instance = make(tiny, 0)
     plain = instance.taking("texture", tiny[1])
-    assert has_network(tiny, plain.codes) and plain.codes.texture_offsets is None
-    first, second = (render_exact(each, camera) for each in (instance, plain))
+    assert has_network(tiny, plain.codes) == (make is owning) and plain.codes.texture_offsets is None
+    first, second = (render_exact(shown, camera) for shown in (instance, plain))
     assert torch.equal(first.opacity, second.opacity) and not torch.equal(first.colour, second.colour)
 
 
@@ -102,8 +114,9 @@ def test_a_changing_shape_reuses_occupied_cells_although_the_texture_has_a_netwo
     assert not shape_occupancy(instance.moved("shape", torch.full((2,), 1e-3)), complete=False).complete
 
 
-def test_a_scene_keeps_the_network_in_a_file_and_in_an_image(tiny: Model, tmp_path: Path):
-    scene = Scene(owning(tiny, 0), tiny.camera(0.4, 0.5))
+@pytest.mark.parametrize("make", [freed, owning])
+def test_a_scene_keeps_offsets_in_a_file_and_in_an_image(tiny: Model, make: Make, tmp_path: Path):
+    scene = Scene(make(tiny, 0), tiny.camera(0.4, 0.5))
     scene.save(tmp_path / "scene.json")
     save_image(np.zeros((8, 8, 3), np.uint8), tmp_path / "scene.png", scene)
     for name in ("scene.json", "scene.png"):
