@@ -5,6 +5,7 @@ import pytest
 from PIL import Image
 from scipy.ndimage import binary_fill_holes, gaussian_filter
 
+from core.photos.candidates import mask_overlap
 from core.photos.decode import read_rgba
 from core.photos.gaps import find_gaps
 from core.photos.segmentation import cut_out
@@ -35,7 +36,7 @@ def test_ground_between_slats_is_found(ground: tuple[int, int, int]):
     filled = binary_fill_holes(mask)
     gaps, doubtful = find_gaps(before_ground(mask, (160, 60, 50), ground), filled)
     left = filled & (gaps < 0.5)
-    assert (left & mask).sum() / (left | mask).sum() > 0.95
+    assert mask_overlap(left, mask) > 0.95
     assert not doubtful
 
 

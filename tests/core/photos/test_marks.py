@@ -7,6 +7,7 @@ import pytest
 from PIL import Image, ImageDraw
 
 from core.models.library import sample_images
+from core.photos.candidates import mask_overlap
 from core.photos.decode import on_white, read_rgba
 from core.photos.detector import Detection
 from core.photos.marks import find_badges, find_marks
@@ -28,10 +29,6 @@ def shop_picture(category: str) -> Image.Image:
 @cache
 def clean_cut(category: str) -> CutOut:
     return cut_out(shop_picture(category).convert("RGBA"))
-
-
-def overlap(cut: CutOut, truth: np.ndarray) -> float:
-    return float((cut.mask & truth).sum() / (cut.mask | truth).sum())
 
 
 def badge(pen: ImageDraw.ImageDraw) -> None:
@@ -72,7 +69,7 @@ def test_marks_apart_from_the_object_are_left_out(category: str, draw: Callable[
     picture = shop_picture(category).copy()
     draw(ImageDraw.Draw(picture))
     cut = cut_out(picture.convert("RGBA"))
-    assert overlap(cut, clean_cut(category).mask) > 0.98
+    assert mask_overlap(cut.mask, clean_cut(category).mask) > 0.98
     assert max(cut.categories, key=cut.categories.__getitem__) == category
     assert cut.confidence < 1
 
@@ -96,7 +93,7 @@ def test_a_badge_that_touches_the_object_is_left_out_and_doubted(category: str, 
     corner = (columns - rows).argmax()
     draw(ImageDraw.Draw(picture), int(columns[corner]) + 28, int(rows[corner]) - 15)
     cut = cut_out(picture.convert("RGBA"))
-    assert overlap(cut, truth) > 0.95
+    assert mask_overlap(cut.mask, truth) > 0.95
     assert max(cut.categories, key=cut.categories.__getitem__) == category
     assert cut.confidence <= 0.5
 
@@ -108,8 +105,8 @@ def test_a_flat_seat_is_no_badge():
     pen.polygon([(350, 330), (380, 330), (410, 560), (370, 560)], fill=(90, 90, 90))
     pen.rectangle((200, 290, 400, 330), fill=(190, 30, 30))
     foreground = np.asarray(picture).min(-1) < 250
-    whole = (0.3, 0.4, 0.7, 0.95)
-    assert not find_badges(picture, foreground, whole).any() and not find_badges(picture, foreground, None).any()
+    box = (0.3, 0.4, 0.7, 0.95)
+    assert not find_badges(picture, foreground, box).any() and not find_badges(picture, foreground, None).any()
     assert find_badges(picture, foreground, (0.3, 0.55, 0.7, 0.95))[310, 300]
 
 
@@ -118,7 +115,7 @@ def test_a_ring_around_the_object_is_doubted(category: str):
     picture = shop_picture(category).copy()
     ImageDraw.Draw(picture).ellipse((105, 105, 495, 495), outline=(40, 120, 200), width=6)
     cut = cut_out(picture.convert("RGBA"))
-    assert cut.confidence <= 0.5 or overlap(cut, clean_cut(category).mask) > 0.95
+    assert cut.confidence <= 0.5 or mask_overlap(cut.mask, clean_cut(category).mask) > 0.95
 
 
 def watermarked(picture: Image.Image) -> Image.Image:
@@ -134,11 +131,11 @@ def watermarked(picture: Image.Image) -> Image.Image:
 def test_a_watermark_and_lines_that_touch_the_object_are_left_out(category: str):
     truth = clean_cut(category).mask
     cut = cut_out(watermarked(shop_picture(category)))
-    assert overlap(cut, truth) > 0.95
+    assert mask_overlap(cut.mask, truth) > 0.95
     assert max(cut.categories, key=cut.categories.__getitem__) == category
     lined = shop_picture(category).copy()
     extension_lines(ImageDraw.Draw(lined))
-    assert overlap(cut_out(lined.convert("RGBA")), truth) > 0.97
+    assert mask_overlap(cut_out(lined.convert("RGBA")).mask, truth) > 0.97
 
 
 def test_clean_pictures_have_no_marks():
@@ -171,7 +168,7 @@ def test_shop_pictures_that_once_failed_are_cut_out(shared: Path, name: str, cat
     """The object is a sample at 2.8 times its size, in the middle."""
     cut = cut_out(read_rgba(shared / f"failing/6/N28_{name}.png"))
     clean = cut_out(read_rgba(shared / f"failing/6/N28_{category[:-1]}_arrows.png"))
-    assert overlap(cut, clean.mask) > 0.97
+    assert mask_overlap(cut.mask, clean.mask) > 0.97
     assert max(cut.categories, key=cut.categories.__getitem__) == category
     rows, columns = np.nonzero(cut.mask)
     assert (rows.min() > 200) and (rows.max() < 500) and (columns.min() > 180) and (columns.max() < 540)

@@ -10,7 +10,6 @@ from core.rendering.reference import Rendered, render_exact
 from tests.core.tiny import tiny_bank
 
 VIEWS = [(0.3, 0.3), (1.4, 0.7), (2.5, 0.1), (3.7, 0.9), (4.6, 0.4), (5.6, 1.3)]
-SMALL = 16
 
 
 def image_of(frame: Rendered, focal: float) -> ObjectMask:
@@ -84,15 +83,13 @@ def test_knowing_the_truncating_edge_improves_the_position(tiny: Model, side: in
 
 
 def test_a_mask_of_one_pixel_has_cameras_ranked_by_the_viewpoint(tiny: Model):
-    mask = torch.zeros(SMALL, SMALL, dtype=torch.bool)
+    mask = torch.zeros(16, 16, dtype=torch.bool)
     mask[5, 7] = True
-    candidates = rank_cameras(tiny_bank(), ObjectMask(mask, 30.0), 6)
+    bank = tiny_bank()
+    candidates = rank_cameras(bank, ObjectMask(mask, 30.0), 6)
     assert bool(candidates.distance.isfinite().all())
     assert float(candidates.distance.max()) <= 2 * tiny.distance
     assert float(candidates.elevation.abs().max()) < math.pi / 2
-    bank = tiny_bank()
-    mask = torch.zeros(SMALL, SMALL, dtype=torch.bool)
-    mask[5, 7] = True
     viewpoint = torch.full_like(bank.azimuth, 1e-9)
     viewpoint[40] = 1.0
     best = rank_cameras(bank, ObjectMask(mask, 30.0), 2, viewpoint, cropped=True)

@@ -49,7 +49,7 @@ def test_the_network_keeps_little_memory_from_one_image_to_the_next():
         ctypes.CDLL("libc.so.6").malloc_trim(0)
         return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e6
 
-    before = resident()
+    baseline = resident()
     for width in (40, 41, 42):
         assert predict_saliency(Image.effect_noise((width, 30), 60).convert("RGB")) is not None
-    assert resident() - before < 200  # 500 with an arena for the next run
+    assert resident() - baseline < 200  # 500 with an arena for the next run
