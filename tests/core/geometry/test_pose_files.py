@@ -50,7 +50,7 @@ def write_transforms(folder: Path, matrices: dict[str, np.ndarray], **more: obje
 
 
 def test_frames_of_nerf_synthetic_are_cameras(tmp_path: Path) -> None:
-    wide = CAMERA.pose().numpy() @ np.diag([1.0, -1.0, -1.0, 1.0])
+    wide = OPENGL.copy()
     wide[:3, 3] *= 3
     path = write_transforms(tmp_path, {"./train/r_0": wide, "train\\r_1.png": wide[:3]}, unknown=3)
     first, second = read_transforms(path, scale=1 / 3)
@@ -104,14 +104,14 @@ def test_broken_transforms_are_named(content: dict, message: str, tmp_path: Path
 
 def write_frames(folder: Path, common: dict, *intrinsics: dict) -> Path:
     """Frames whose only focal lengths are those given, each with the same pose."""
-    frames = [{"file_path": f"r_{i}", "transform_matrix": OPENGL.tolist()} | own for i, own in enumerate(intrinsics)]
+    frames = [{"file_path": f"r_{i}", "transform_matrix": OPENGL.tolist()} | lens for i, lens in enumerate(intrinsics)]
     path = folder / "transforms.json"
     path.write_text(json.dumps(common | {"frames": frames}))
     return path
 
 
 @pytest.mark.parametrize(
-    ("common", "own", "focal"),
+    ("common", "lens", "focal"),
     [
         ({}, {"fl_x": 180, "fl_y": 180, "w": 200, "h": 200}, 0.9),
         ({"fl_x": 180, "w": 200}, {"fl_x": 270}, 1.35),
@@ -126,8 +126,8 @@ def write_frames(folder: Path, common: dict, *intrinsics: dict) -> Path:
         ({"fl_x": 180, "w": 200, "distortion_params": [0.0] * 6}, {"camera_angle_y": 0.9}, 0.9),
     ],
 )
-def test_a_frame_has_the_focal_length_that_it_states(common: dict, own: dict, focal: float, tmp_path: Path) -> None:
-    first, second = read_transforms(write_frames(tmp_path, {"fl_x": 100, "w": 200} | common, own, {"fl_x": 300}))
+def test_a_frame_has_the_focal_length_that_it_states(common: dict, lens: dict, focal: float, tmp_path: Path) -> None:
+    first, second = read_transforms(write_frames(tmp_path, {"fl_x": 100, "w": 200} | common, lens, {"fl_x": 300}))
     assert first.focal == pytest.approx(focal, rel=1e-3)
     assert second.focal == 1.5
 

@@ -71,9 +71,9 @@ def render(
     return colour.reshape(side, side, 3), depth.reshape(side, side)
 
 
-def _encode(network: Weights, layer: str, beside: int, values: np.ndarray) -> np.ndarray:
+def _encode(network: Weights, layer: str, more: int, values: np.ndarray) -> np.ndarray:
     """Return the values, then all sines, then all cosines, with as many frequencies as the layer takes."""
-    frequencies = (network[f"{layer}.weight"].shape[1] - beside - 3) // 6
+    frequencies = (network[f"{layer}.weight"].shape[1] - more - 3) // 6
     angles = np.concatenate([2.0**octave * values for octave in range(frequencies)], 1)
     return np.concatenate((values, np.sin(angles), np.cos(angles)), 1)
 
@@ -92,13 +92,13 @@ def _count(network: Weights, block: str) -> int:
 
 def srn_pose(azimuth: float, elevation: float, distance: float) -> np.ndarray:
     """Camera-to-world with OpenCV axes (x right, y down, z forward), looking at the origin, world z up."""
-    place = np.array([math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth)])
-    place = distance * np.array([*place, math.sin(elevation)])
-    forward = -place / distance
+    horizontal = np.array([math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth)])
+    position = distance * np.array([*horizontal, math.sin(elevation)])
+    forward = -position / distance
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     pose = np.eye(4)
-    pose[:3] = np.stack((right, np.cross(forward, right), forward, place), 1)
+    pose[:3] = np.stack((right, np.cross(forward, right), forward, position), 1)
     return pose
 
 
@@ -127,8 +127,10 @@ def write_golden(folder: Path) -> None:
         "rgb": colours,
         "point_codes": np.array([3, 1]),
     }
-    kept = {name: value if value.dtype.kind == "i" else value.astype(np.float32) for name, value in expected.items()}
-    np.savez_compressed(folder / "expected.npz", **kept | {name: expected[name] for name in expected if "pose" in name})
+    stored = {name: value if value.dtype.kind == "i" else value.astype(np.float32) for name, value in expected.items()}
+    np.savez_compressed(
+        folder / "expected.npz", **stored | {name: expected[name] for name in expected if "pose" in name}
+    )
 
 
 def _random_checkpoint(generator: np.random.Generator) -> dict:
@@ -150,9 +152,9 @@ def _random_checkpoint(generator: np.random.Generator) -> dict:
         "rgb.2": (3, width // 2),
     }
     network = {}
-    for layer, (after, before) in sizes.items():
-        network[f"{layer}.weight"] = _normal(generator, (after, before), math.sqrt(2 / before))
-        network[f"{layer}.bias"] = _normal(generator, (after,), 0.1)
+    for layer, (outputs, inputs) in sizes.items():
+        network[f"{layer}.weight"] = _normal(generator, (outputs, inputs), math.sqrt(2 / inputs))
+        network[f"{layer}.bias"] = _normal(generator, (outputs,), 0.1)
     codes = [{"weight": _normal(generator, (_OBJECTS, latent), 0.7)} for _ in range(2)]
     _spread(network, generator, *(table["weight"].double().numpy() for table in codes))
     names = ("model_params", "shape_code_params", "texture_code_params")

@@ -10,6 +10,7 @@ from core.models.field_config import FieldConfig
 from core.models.model import Model
 from core.rendering.fast import render
 from core.rendering.reference import render_exact
+from tests.core.models.test_model import reloaded
 
 CONFIG = FieldConfig(32, 2, 1, 8, 4, position_frequencies=3, direction_frequencies=2)
 POINTS = torch.rand(50, 3, generator=torch.Generator().manual_seed(0)) - 0.5
@@ -33,13 +34,13 @@ def test_density_depends_on_direction_and_texture_by_architecture(
     architecture: str, by_direction: bool, by_texture: bool
 ):
     field = build(architecture)
-    before = evaluated(field, torch.tensor([1.0, 0, 0]), torch.ones(8), torch.ones(4))
+    original = evaluated(field, torch.tensor([1.0, 0, 0]), torch.ones(8), torch.ones(4))
     turned = evaluated(field, torch.tensor([0, 1.0, 0]), torch.ones(8), torch.ones(4))
     repainted = evaluated(field, torch.tensor([1.0, 0, 0]), torch.ones(8), -torch.ones(4))
-    assert torch.equal(before[0], turned[0]) is not by_direction
-    assert torch.equal(before[0], repainted[0]) is not by_texture
-    assert not torch.equal(before[1], turned[1])
-    assert not torch.equal(before[1], repainted[1])
+    assert torch.equal(original[0], turned[0]) is not by_direction
+    assert torch.equal(original[0], repainted[0]) is not by_texture
+    assert not torch.equal(original[1], turned[1])
+    assert not torch.equal(original[1], repainted[1])
 
 
 def test_m1_sees_point_and_direction_from_outside_without_one():
@@ -62,8 +63,7 @@ def test_m1_sees_point_and_direction_from_outside_without_one():
 @pytest.mark.parametrize("architecture", ["M1", "M2"])
 def test_a_model_of_another_architecture_is_kept_and_rendered_exactly_only(architecture: str, tmp_path):
     codes = CodeBook(torch.randn(2, 8), torch.randn(2, 4), (Entry("a", 0, 0), Entry("b", 1, 1)))
-    Model(build(architecture), codes, (0.4, 0.4, 0.4), "chairs", 8, 8.0, 2.0).save(tmp_path / "m.safetensors")
-    model = Model.load(tmp_path / "m.safetensors")
+    model = reloaded(Model(build(architecture), codes, (0.4, 0.4, 0.4), "chairs", 8, 8.0, 2.0), tmp_path)
     first = model[0]
     camera = model.camera(0.3, 0.4)
     drawn = render_exact(first, camera, 8)

@@ -136,15 +136,6 @@ def test_nothing_in_a_file_is_executed(tmp_path: Path, monkeypatch: pytest.Monke
     assert not (tmp_path / "sprung").exists()
 
 
-@pytest.mark.parametrize("content", [b"", b"no", b"\x80\x02}."])
-@pytest.mark.parametrize("settings", ["", "[]", "{}", "{"])
-def test_damaged_checkpoints_are_named(content: bytes, settings: str, tmp_path: Path):
-    (tmp_path / "models.pth").write_bytes(content)
-    (tmp_path / "other.json").write_text(settings)
-    with pytest.raises(ValueError, match=r"^\S*models\.pth: [^\n]*$"):
-        load_authors(tmp_path / "models.pth", tmp_path / "other.json")
-
-
 def settings_with(**sizes: int) -> str:
     settings = json.loads((GOLDEN / "hpam.json").read_text())
     return json.dumps(settings | {"net_hyperparams": settings["net_hyperparams"] | sizes})

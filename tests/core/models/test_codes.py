@@ -63,7 +63,8 @@ def test_an_edit_of_the_size_goes_with_the_shape(edit: Edit, half: Edit):
 
 
 def test_edits_are_ordered_and_those_that_change_nothing_are_left_out():
-    stretch, bend = Stretch((3.0, 1.0, 1.0)), Bend(-0.4, 0.0, 0.1, 0.4)
+    stretch = Stretch((3.0, 1.0, 1.0))
+    bend = Bend(-0.4, 0.0, 0.1, 0.4)
     codes = Codes(torch.ones(3), torch.ones(2), edits=(stretch, bend))
     assert codes.edits == (bend, stretch) and codes.space_edits == codes.field_edits == (bend,)
     assert codes.with_edits(Stretch, Stretch((1.0, 1.0, 1.0))).edits == (bend,)

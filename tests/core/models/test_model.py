@@ -16,10 +16,15 @@ from core.runtime.reading import read_tensors
 from tests.conftest import with_contrast
 
 
+def reloaded(model: Model, folder: Path) -> Model:
+    """The model that the file of a model holds."""
+    model.save(folder / "m.safetensors")
+    return Model.load(folder / "m.safetensors")
+
+
 def test_saving_and_loading_is_exact(model: Model, tmp_path):
     model = replace(model, codes=replace(model.codes, collapsed=frozenset({1, 4})))
-    model.save(tmp_path / "m.safetensors")
-    again = Model.load(tmp_path / "m.safetensors")
+    again = reloaded(model, tmp_path)
     assert again.fingerprint == model.fingerprint
     for name in ("extent", "category", "focal", "distance", "white_from_network"):
         assert getattr(again, name) == getattr(model, name)
@@ -30,8 +35,7 @@ def test_saving_and_loading_is_exact(model: Model, tmp_path):
 
 def test_a_viewpoint_classifier_is_saved_in_half_precision_and_changes_no_scene(model: Model, tmp_path):
     looking = replace(model, viewpoint_classifier=ViewpointClassifier())
-    looking.save(tmp_path / "m.safetensors")
-    again = Model.load(tmp_path / "m.safetensors")
+    again = reloaded(looking, tmp_path)
     assert again.fingerprint == model.fingerprint
     assert looking.viewpoint_classifier is not None
     assert again.viewpoint_classifier is not None
@@ -43,8 +47,7 @@ def test_a_viewpoint_classifier_is_saved_in_half_precision_and_changes_no_scene(
 def test_a_part_head_is_saved_and_changes_no_scene(model: Model, tmp_path):
     width = model.field.config.width
     head = PartHead(("seat", "legs"), torch.randn(2, width), torch.randn(2))
-    replace(model, part_head=head).save(tmp_path / "m.safetensors")
-    again = Model.load(tmp_path / "m.safetensors")
+    again = reloaded(replace(model, part_head=head), tmp_path)
     assert again.fingerprint == model.fingerprint
     assert again.part_head.names == head.names
     features = torch.randn(5, width)
@@ -62,8 +65,7 @@ def test_a_part_head_is_saved_and_changes_no_scene(model: Model, tmp_path):
 def test_codes_are_saved_in_half_precision_if_lossless_and_identify_the_model(model: Model, tmp_path):
     shapes = model.codes.shapes.half().float()
     rounded = replace(model, codes=replace(model.codes, shapes=shapes, textures=shapes[:, :4] + 1e-5))
-    rounded.save(tmp_path / "m.safetensors")
-    assert Model.load(tmp_path / "m.safetensors").fingerprint == rounded.fingerprint
+    assert reloaded(rounded, tmp_path).fingerprint == rounded.fingerprint
     with safe_open(tmp_path / "m.safetensors", framework="pt") as file:
         assert file.get_tensor("codes.shapes").dtype == torch.half
         assert file.get_tensor("codes.textures").dtype == torch.float
@@ -73,8 +75,7 @@ def test_codes_are_saved_in_half_precision_if_lossless_and_identify_the_model(mo
 
 
 def test_codes_are_shared_with_former_models_and_cameras_as_in_training(model: Model, tmp_path):
-    replace(model, extends=("former", "first")).save(tmp_path / "m.safetensors")
-    again = Model.load(tmp_path / "m.safetensors")
+    again = reloaded(replace(model, extends=("former", "first")), tmp_path)
     assert again.fingerprint == model.fingerprint
     assert all(map(again.shares_codes_with, (model.fingerprint, "former", "first")))
     assert not again.shares_codes_with("other")
@@ -145,8 +146,7 @@ def test_metadata_of_another_kind_is_named(model: Model, tmp_path: Path, key: st
 
 def test_a_soft_model_has_no_contrast_and_shares_weights_and_scenes(model: Model, tmp_path):
     sharp = with_contrast(model)
-    sharp.save(tmp_path / "m.safetensors")
-    again = Model.load(tmp_path / "m.safetensors")
+    again = reloaded(sharp, tmp_path)
     assert again.field.config.contrast == 20.0
     assert again.soft.field.config.contrast == 0.0
     assert again.soft.soft is again.soft

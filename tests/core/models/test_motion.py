@@ -112,9 +112,9 @@ def test_edits_mix_and_follow_the_shape(car: Instance) -> None:
     edited = moved_by(car, (1.0, 0.0, 0.0, 0.0, 0.0, -2.0))
     (mixed,) = car.mixed(edited, 0.25, 1.0).codes.of_kind(Warp)
     assert mixed.steps == (0.25, 0.0, 0.0, 0.0, 0.0, -0.5)
-    other = car.model[5]
-    assert other.with_shape(edited).codes.edits == edited.codes.edits
-    assert other.with_texture(edited).codes.edits == ()
+    second = car.model[5]
+    assert second.with_shape(edited).codes.edits == edited.codes.edits
+    assert second.with_texture(edited).codes.edits == ()
     assert moved_by(edited, (0.0,) * 6) == car
 
 
@@ -122,10 +122,10 @@ def test_an_edited_object_becomes_another_one_evenly(car: Instance) -> None:
     """Every frame of a morph moves places by the same way."""
     edited = moved_by(car, (2.0, 0.0, 0.0, -2.0, 0.0, 1.0))
     points = motion(car.model, car.codes).surface
-    places = torch.stack(
-        [kinds.origins(points, edited.mixed(car.model[9], share, 0.0).codes.edits) for share in (0.0, 0.1, 0.2)]
+    positions = torch.stack(
+        [kinds.origins(points, edited.mixed(car.model[9], amount, 0.0).codes.edits) for amount in (0.0, 0.1, 0.2)]
     )
-    first, second = places.diff(dim=0)
+    first, second = positions.diff(dim=0)
     assert float(first.norm(dim=-1).mean()) > 1e-4
     torch.testing.assert_close(first, second, atol=1e-6, rtol=1e-3)
 

@@ -55,8 +55,8 @@ def test_every_renderer_shows_offsets(tiny: Model, make: Make, make_plain: Make)
     mesh = run_to_end(extract_mesh(instance, 48))
     points = torch.from_numpy(mesh.vertices).float()
     spreads = []  # of the logarithm of densities on the mesh: small on an object's own
-    for shown in (instance, plain):
-        density, _ = with_network(tiny, shown.codes).field.density(points, shown.biases[0])
+    for variant in (instance, plain):
+        density, _ = with_network(tiny, variant.codes).field.density(points, variant.biases[0])
         spreads.append(float(density.clamp_min(1e-6).log().std()))
     assert spreads[0] < spreads[1]
 
@@ -80,7 +80,7 @@ def test_offsets_of_the_texture_leave_the_shape(tiny: Model, make: Make):
     instance = make(tiny, 0)
     plain = instance.taking("texture", tiny[1])
     assert has_network(tiny, plain.codes) == (make is owning) and plain.codes.texture_offsets is None
-    first, second = (render_exact(shown, camera) for shown in (instance, plain))
+    first, second = (render_exact(variant, camera) for variant in (instance, plain))
     assert torch.equal(first.opacity, second.opacity) and not torch.equal(first.colour, second.colour)
 
 

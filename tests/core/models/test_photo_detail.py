@@ -91,10 +91,10 @@ def test_photo_detail_is_taken_with_the_shape(model: Model) -> None:
 
 def test_an_erasure_covers_its_line_and_nothing_else(model: Model) -> None:
     view = red_detail(model).erasing(0, (SCRATCH,)).views[0]
-    kept = view.kept(200, 150)
-    assert kept.shape == (150, 200)
-    assert not kept[75, 50:150].any()
-    assert kept[:60].all() and kept[90:].all() and kept[:, :35].all() and kept[:, 165:].all()
+    mask = view.kept(200, 150)
+    assert mask.shape == (150, 200)
+    assert not mask[75, 50:150].any()
+    assert mask[:60].all() and mask[90:].all() and mask[:, :35].all() and mask[:, 165:].all()
     assert view != red_detail(model).views[0]
 
 

@@ -9,6 +9,7 @@ from core.classifiers.viewpoint import directions
 from core.models.model import Model
 from core.models.view_bank import SIDE, ViewBank
 from core.runtime.reading import read_tensors
+from tests.core.models.test_model import reloaded
 
 
 def random_bank(prototypes: int = 3) -> ViewBank:
@@ -26,8 +27,7 @@ def complete(model: Model) -> Model:
 @pytest.mark.parametrize("prototypes", [0, 3])
 def test_bank_and_words_are_saved_exactly_and_change_no_scene(complete: Model, prototypes: int, tmp_path: Path):
     complete = replace(complete, view_bank=random_bank(prototypes))
-    complete.save(tmp_path / "m.safetensors")
-    model = Model.load(tmp_path / "m.safetensors")
+    model = reloaded(complete, tmp_path)
     assert model.fingerprint == complete.fingerprint
     assert model.words == complete.words
     assert model.view_bank.distance == model.distance
@@ -41,8 +41,7 @@ def test_shapes_are_rows_of_the_code_book_and_their_mean(complete: Model):
 
 
 def test_a_file_without_bank_and_words_opens(model: Model, tmp_path: Path):
-    model.save(tmp_path / "m.safetensors")
-    again = Model.load(tmp_path / "m.safetensors")
+    again = reloaded(model, tmp_path)
     assert again.view_bank is None and again.words is None
 
 

@@ -61,8 +61,8 @@ def test_one_thread_and_nested_calls_compute_in_the_calling_thread(monkeypatch: 
     monkeypatch.setenv(VARIABLE, "1")
     assert set(map_pieces(thread, range(9))) == {threading.get_ident()}
     monkeypatch.setenv(VARIABLE, "2")
-    for own, *inner in map_pieces(lambda _: (thread(0), *map_pieces(thread, range(3))), range(4)):
-        assert set(inner) == {own} != {threading.get_ident()}
+    for outer, *inner in map_pieces(lambda _: (thread(0), *map_pieces(thread, range(3))), range(4)):
+        assert set(inner) == {outer} != {threading.get_ident()}
 
 
 @pytest.mark.parametrize("count", ["1", "2"])

@@ -22,18 +22,18 @@ def jpeg(size: tuple[int, int]) -> bytes:
 
 
 def write_directory(content: bytearray, entries: Directory) -> int:
-    """Append a directory, all of its values numbers of 32 bits, and return its place."""
+    """Append a directory, all of its values numbers of 32 bits, and return its offset."""
     lists = {}
     for tag, values in entries.items():
         if len(values) > 1:
             lists[tag] = len(content)
             content += struct.pack(f"<{len(values)}I", *values)
-    place = len(content)
+    offset = len(content)
     content += struct.pack("<H", len(entries))
     for tag, values in sorted(entries.items()):
         content += struct.pack("<HHII", tag, 4, len(values), lists.get(tag, values[0]))
     content += struct.pack("<I", 0)
-    return place
+    return offset
 
 
 def write_raw(path: Path, preview: tuple[int, int] | None, tags: str, orientation: int = 1) -> None:
@@ -45,26 +45,17 @@ def write_raw(path: Path, preview: tuple[int, int] | None, tags: str, orientatio
     raw = {254: (0,), 256: (3000,), 257: (2000,), 259: (7,), 262: (32803,), 273: (sensor,), 279: (28,)}
     below.append(write_directory(content, raw))
     if preview:
-        place = len(content)
+        offset = len(content)
         data = jpeg(preview)
         content += data
-        where = {513: (place,), 514: (len(data),)} if tags == "nef" else {273: (place,), 279: (len(data),)}
+        where = {513: (offset,), 514: (len(data),)} if tags == "nef" else {273: (offset,), 279: (len(data),)}
         sizes = {} if tags == "nef" else {256: (preview[0],), 257: (preview[1],), 259: (7,)}
         below.append(write_directory(content, {254: (1,), **sizes, **where}))
     pixels = np.asarray(drawing((30, 20))).tobytes()
-    place = len(content)
+    offset = len(content)
     content += pixels
-    first = {
-        254: (1,),
-        256: (30,),
-        257: (20,),
-        258: (8, 8, 8),
-        259: (1,),
-        262: (2,),
-        273: (place,),
-        274: (orientation,),
-    }
-    first |= {277: (3,), 278: (20,), 279: (len(pixels),), 330: tuple(below)}
+    first = {254: (1,), 256: (30,), 257: (20,), 258: (8, 8, 8), 259: (1,), 262: (2,), 273: (offset,)}
+    first |= {274: (orientation,), 277: (3,), 278: (20,), 279: (len(pixels),), 330: tuple(below)}
     content[4:8] = struct.pack("<I", write_directory(content, first))
     path.write_bytes(content)
 

@@ -81,7 +81,7 @@ def test_json_that_is_deep_or_large_is_refused() -> None:
         parse_json("0" * 17_000_000)
 
 
-class Place(NamedTuple):
+class Point(NamedTuple):
     x: float
     y: float = 2.0
 
@@ -90,7 +90,7 @@ class Place(NamedTuple):
 class Thing:
     name: str
     count: int
-    places: tuple[Place, ...] = ()
+    points: tuple[Point, ...] = ()
     pair: tuple[int, bool] = (0, False)
     kind: Literal["a", "b"] = "a"
     path: Path | None = None
@@ -105,16 +105,16 @@ def test_json_becomes_values_of_their_types() -> None:
     entries = {
         "name": "n",
         "count": 128.0,
-        "places": [{"x": 1}],
+        "points": [{"x": 1}],
         "pair": [3.0, True],
         "kind": "b",
         "path": "p/q",
         "new": 1,
     }
     thing = typed(Thing, entries | {"sizes": {"a": 1}})
-    assert thing == Thing("n", 128, (Place(1.0),), (3, True), "b", Path("p/q"), {"a": 1.0})
+    assert thing == Thing("n", 128, (Point(1.0),), (3, True), "b", Path("p/q"), {"a": 1.0})
     assert type(thing.count) is int
-    assert type(thing.places[0].x) is float
+    assert type(thing.points[0].x) is float
     assert typed(Thing, {"name": "n", "count": 1}) == Thing("n", 1)
 
 
@@ -126,10 +126,10 @@ def test_json_becomes_values_of_their_types() -> None:
         ({"count": True}, "it.count must be a whole number, got True"),
         ({"count": float("nan")}, "it.count must be a whole number, got nan"),
         ({"count": -1}, "count is -1"),
-        ({"places": [{}]}, "it.places[0].x is missing"),
-        ({"places": [{"x": float("inf")}]}, "it.places[0].x must be a finite number, got inf"),
-        ({"places": [{"x": 10**400}]}, "it.places[0].x must be a finite number"),
-        ({"places": {}}, "it.places must be a list, got {}"),
+        ({"points": [{}]}, "it.points[0].x is missing"),
+        ({"points": [{"x": float("inf")}]}, "it.points[0].x must be a finite number, got inf"),
+        ({"points": [{"x": 10**400}]}, "it.points[0].x must be a finite number"),
+        ({"points": {}}, "it.points must be a list, got {}"),
         ({"pair": [1, 0]}, "it.pair[1] must be true or false, got 0"),
         ({"pair": [1]}, "it.pair has 2 parts, got 1"),
         ({"kind": "c"}, "it.kind must be one of a, b, got 'c'"),
