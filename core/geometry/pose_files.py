@@ -219,12 +219,6 @@ def _require_pinhole(frame: _Frame) -> None:
 
 def _posed_image(folder: Path, frame: _Frame, scale: float) -> PosedImage:
     _require_pinhole(frame)
-    image = folder / frame.file_path.replace("\\", "/")
-    return PosedImage(image, _pose_of(frame, scale), _focal(frame), aspect=_aspect(frame))
-
-
-def _pose_of(frame: _Frame, scale: float) -> Float[Tensor, "4 4"]:
-    """Return a frame's pose."""
     rows = frame.transform_matrix
     if len(rows) not in (3, 4):
         raise ValueError(f"the transform_matrix of {frame.file_path} has 3 or 4 rows, got {len(rows)}")
@@ -234,7 +228,8 @@ def _pose_of(frame: _Frame, scale: float) -> Float[Tensor, "4 4"]:
         Camera.from_pose(pose, 1.0, 1, 1)
     except ValueError as error:
         raise ValueError(f"{frame.file_path}: {error}") from error
-    return pose
+    image = folder / frame.file_path.replace("\\", "/")
+    return PosedImage(image, pose, _focal(frame), aspect=_aspect(frame))
 
 
 def read_pose(path: Path, axes: str = "opencv") -> Float[Tensor, "4 4"]:

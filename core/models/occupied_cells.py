@@ -8,6 +8,7 @@ five standard deviations along a single direction stay inside.
 import math
 from collections.abc import Generator, Iterator
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
@@ -74,12 +75,12 @@ def _raise_to_densities(
 
 def pack(cells: Bool[Tensor, "x y z"]) -> UInt8[Tensor, "bytes"]:
     """Pack cells as bits, eight to a byte, for model files."""
-    bits = cells.cpu().flatten().reshape(-1, 8).to(torch.uint8)
-    return (bits << torch.arange(8, dtype=torch.uint8)).sum(-1, dtype=torch.uint8)
+    return torch.from_numpy(np.packbits(cells.cpu().numpy(), bitorder="little"))
 
 
 def unpack(packed: UInt8[Tensor, "bytes"]) -> Bool[Tensor, "cells cells cells"]:
     """Invert :func:`pack`. Raises ``ValueError`` unless there are :data:`CELLS` along each axis."""
     if packed.numel() * 8 != CELLS**3:
         raise ValueError(f"occupied cells take {CELLS**3 // 8} bytes, got {packed.numel()}")
-    return ((packed[:, None] >> torch.arange(8, dtype=torch.uint8)) & 1).bool().reshape(CELLS, CELLS, CELLS)
+    bits = np.unpackbits(packed.numpy(), bitorder="little").astype(bool)
+    return torch.from_numpy(bits).reshape(CELLS, CELLS, CELLS)

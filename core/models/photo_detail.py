@@ -107,14 +107,7 @@ class PhotoDetail:
     @classmethod
     def of(cls, views: tuple[PhotoView, ...], fitted: Latents) -> "PhotoDetail":
         """Return photos with the latents fitted to them, kept on the processor."""
-        latents = fitted.detached()
-        return cls(
-            views,
-            latents.shape,
-            latents.texture,
-            shape_offsets=latents.shape_offsets,
-            texture_offsets=latents.texture_offsets,
-        )
+        return cls(views, **vars(fitted.detached()))
 
     @property
     def azimuths(self) -> tuple[float, ...]:

@@ -95,18 +95,18 @@ class ViewBank:
         prototypes = tensors[_PROTOTYPES].long()
         if prototypes.ndim != 1 or len(prototypes) > _MOST_PROTOTYPES:
             raise ValueError(f"a view bank has at most {_MOST_PROTOTYPES} prototypes")
-        silhouettes = torch.zeros(len(prototypes), len(directions()[0]), _BYTES, dtype=torch.uint8)
+        shape = len(prototypes), len(directions()[0]), _BYTES
         try:
             packed = tensors[_PACKED].numpy().tobytes()
-            views = lzma.LZMADecompressor(memlimit=_MOST_MEMORY).decompress(packed, silhouettes.numel() + 1)
+            views = lzma.LZMADecompressor(memlimit=_MOST_MEMORY).decompress(packed, math.prod(shape) + 1)
         except lzma.LZMAError as error:
             raise ValueError(f"the silhouettes of the view bank are damaged ({error})") from None
-        if len(views) != silhouettes.numel():
+        if len(views) != math.prod(shape):
             raise ValueError(f"the parts of a view bank do not fit {len(prototypes)} prototypes")
-        silhouettes.numpy().reshape(-1)[:] = np.frombuffer(views, np.uint8)
+        silhouettes = torch.from_numpy(np.frombuffer(views, np.uint8).reshape(shape).copy())
         return cls(prototypes, distance, silhouettes, tensors[_SIZES].float(), tensors[_OFFSETS].float())
 
 
 def unpack_bits(packed: UInt8[Tensor, "views bytes"]) -> Float[Tensor, "views pixels"]:
     """Unpack the masks (0 or 1) of :attr:`ViewBank.silhouettes`."""
-    return ((packed[..., None] >> torch.arange(8, dtype=torch.uint8)) & 1).flatten(-2).float()
+    return torch.from_numpy(np.unpackbits(packed.numpy(), axis=-1, bitorder="little")).float()

@@ -14,10 +14,9 @@ from core.runtime.reading import open_image, optional, reading
 
 WORKING_SIDE = 1024  # px: longer side at which images are cut out
 _NARROWEST = 128  # largest aspect ratio; beyond, the shorter side would be under 8 px at the working size
-_RAW_SUFFIXES = ".dng", ".nef", ".arw", ".cr2"  # camera raws, which hold a JPEG
 IMAGE_SUFFIXES = (
     *(".png", ".jpg", ".jpeg", ".webp", ".avif", ".heic", ".heif", ".hif", ".bmp", ".tif", ".tiff", ".gif"),
-    *_RAW_SUFFIXES,
+    *(".dng", ".nef", ".arw", ".cr2"),  # camera raws, which hold a JPEG
 )  # offered by file dialogs
 _FILM_DIAGONAL = math.hypot(36, 24)  # mm
 _LENSES = 8, 600  # mm, plausible focal lengths
