@@ -36,9 +36,9 @@ class Candidate:
     found_by: str  # method, for people
     opacity: Float[np.ndarray, "height width"]  # 0..1
     edge_error: float = 0.0  # px, uncertainty of the edges
-    white: bool = False  # white background, as in training images
+    white: bool = False  # white or transparent background, as in training images
     certain: bool = False  # from alpha, a plain background or a person
-    confidence: float = 1.0  # probability that it is the object
+    confidence: float = 1.0  # probability that it is the whole object and little else
 
 
 def rank_candidates(image: Image.Image, box: Box) -> list[Candidate]:
@@ -85,12 +85,11 @@ def network_candidate(image: Image.Image, box: Box) -> Candidate:
 
 def colour_candidate(image: Image.Image, box: Box) -> Candidate | None:
     """Return GrabCut's mask of pixels whose colours differ from the surroundings of a box."""
-    colours = np.asarray(image, np.float32) / 255
     left, top, right, bottom = in_pixels(box, image)
-    labels = np.zeros(colours.shape[:2], np.uint8)
+    labels = np.zeros((image.height, image.width), np.uint8)
     labels[top:bottom, left:right] = 3
     with suppress(ValueError):
-        mask = grabcut(colours, labels, in_pixels(scaled(box, _SURROUNDINGS), image))
+        mask = grabcut(image, labels, in_pixels(scaled(box, _SURROUNDINGS), image))
         return Candidate("colours", mask.astype(np.float32))
     return None
 

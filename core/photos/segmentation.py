@@ -51,17 +51,12 @@ _DETECTED = 0.72  # overlap with a detected box, likewise
 _REACH = 2.0  # a stroke affects pixels within this many brush radii
 
 
-@dataclass(frozen=True, eq=False)
-class CutOut:
-    """A cut-out at its working size."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CutOut(Candidate):
+    """A candidate that was put on white, at its working size."""
 
     pixels: Float[np.ndarray, "height width 3"]  # 0..1, on white
-    mask: Bool[np.ndarray, "height width"]
-    white: bool  # the background was white or transparent, as in training images
-    opacity: Float[np.ndarray, "height width"]  # 0..1, of the object; the mask is its part above a half
-    edge_error: float = 0.0  # px, uncertainty of the edges
-    found_by: str = ""
-    confidence: float = 1.0  # probability that the mask is the whole object and little else
+    mask: Bool[np.ndarray, "height width"]  # the opacity above a half
     alternatives: tuple["CutOut", ...] = ()  # other masks, the likeliest first
     focal: float | None = None  # px, if the image tells
     note: str = ""  # how an ambiguous file was read, and why its mask is rather a mistake
@@ -152,11 +147,10 @@ def _cut_out(
     """Cut out without strokes."""
     if boxes := _hinted_boxes(rgb, hints, detections):
         return _in_boxes(rgb, boxes, hints, detections)
-    colours = np.asarray(rgb, np.float32) / 255
     if _is_cut_out(alpha < 0.5):
         doubt = _doubt_about(alpha > _THRESHOLD)
         confidence = _ODD_MASK if doubt else 1.0
-        cut = _on_white(colours, Candidate("alpha channel", alpha, white=True, certain=True, confidence=confidence))
+        cut = _on_white(rgb, Candidate("alpha channel", alpha, white=True, certain=True, confidence=confidence))
         return replace(cut, note=doubt)
     plain, confidence = _plain_background(rgb, detections)
     if plain is None:
@@ -165,7 +159,7 @@ def _cut_out(
         raise ValueError("no object found: nothing differs from the background")
     opacity = (~plain.mask).astype(np.float32)
     candidate = Candidate("plain background", opacity, white=plain.white, certain=True, confidence=confidence)
-    return _on_white(colours, candidate)
+    return _on_white(rgb, candidate)
 
 
 def _photographed(rgb: Image.Image, hints: Hints, detections: tuple[Detection, ...]) -> CutOut:
@@ -260,7 +254,6 @@ def _in_boxes(
 ) -> CutOut:
     """Return the chosen mask of the objects in boxes together, with alternatives, ``within`` a mask."""
     cuts = list[CutOut]()
-    colours = np.asarray(rgb, np.float32) / 255
     for candidates in zip(*(rank_candidates(rgb, box) for box in boxes), strict=False):
         opacity = np.max([candidate.opacity for candidate in candidates], axis=0)
         confidence = min(candidate.confidence for candidate in candidates)
@@ -268,11 +261,11 @@ def _in_boxes(
         if within is not None:
             merged = replace(merged, opacity=merged.opacity * within)
         with suppress(ValueError):  # the whole image, or almost nothing
-            cut = _on_white(colours, _without_gaps(rgb, merged, detections))
+            cut = _on_white(rgb, _without_gaps(rgb, merged, detections))
             if all(mask_overlap(cut.mask, better.mask) < _SAME for better in cuts):
                 cuts.append(cut)
     if not cuts:
-        cuts = [_on_white(colours, box_candidate(rgb, boxes))]
+        cuts = [_on_white(rgb, box_candidate(rgb, boxes))]
     selected = cuts.pop(min(hints.choice, len(cuts) - 1))
     return replace(selected, alternatives=tuple(cuts))
 
@@ -306,7 +299,7 @@ def _box_at(rgb: Image.Image, point: tuple[float, float], detections: tuple[Dete
     return smallest or salient_box_at(rgb, point)
 
 
-def _on_white(pixels: Float[np.ndarray, "height width 3"], candidate: Candidate) -> CutOut:
+def _on_white(rgb: Image.Image, candidate: Candidate) -> CutOut:
     """Put an object on white. ``ValueError`` if too small, :class:`NoBackgroundError` if it is the whole image."""
     white = candidate.white
     mask = _without_specks(candidate.opacity > _THRESHOLD, far=candidate.certain)
@@ -320,9 +313,9 @@ def _on_white(pixels: Float[np.ndarray, "height width 3"], candidate: Candidate)
     coloured = dilated if white else mask
     if not white and min(mask.shape) >= 200:
         coloured = binary_erosion(mask, iterations=1, border_value=1)
-    pixels = np.where(coloured[..., None], pixels, np.float32(1))
+    pixels = np.where(coloured[..., None], np.asarray(rgb, np.float32) / 255, np.float32(1))
     opacity = np.where(dilated, candidate.opacity, 0).astype(np.float32)
-    return CutOut(pixels, mask, white, opacity, candidate.edge_error, candidate.found_by, candidate.confidence)
+    return CutOut(**vars(replace(candidate, opacity=opacity)), pixels=pixels, mask=mask)
 
 
 # Strokes
@@ -330,10 +323,9 @@ def _on_white(pixels: Float[np.ndarray, "height width 3"], candidate: Candidate)
 
 def _stroked(cut: CutOut, rgb: Image.Image, strokes: tuple[Stroke, ...]) -> CutOut:
     """Apply strokes: pixels below are certain, GrabCut decides near them."""
-    colours = np.asarray(rgb, np.float32) / 255
-    mask = grabcut(colours, _corrected(cut.mask, strokes), (0, 0, *rgb.size))
+    mask = grabcut(rgb, _corrected(cut.mask, strokes), (0, 0, *rgb.size))
     mask = _apply_strokes(mask, strokes, True, False).astype(bool)
-    return _on_white(colours, Candidate("strokes", mask.astype(np.float32), certain=True))
+    return _on_white(rgb, Candidate("strokes", mask.astype(np.float32), certain=True))
 
 
 def _corrected(
