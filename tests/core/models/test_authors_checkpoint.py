@@ -100,15 +100,6 @@ def test_the_golden_images_are_those_of_the_plain_reference(index: int, golden_e
     np.testing.assert_allclose(depth, golden_expected[f"depth_{index}"], atol=1e-5)
 
 
-def test_the_network_is_the_authors(golden: Model, golden_expected: dict[str, np.ndarray]):
-    points, directions = (torch.from_numpy(golden_expected[name]) for name in ("points", "dirs"))
-    shape, texture = golden_expected["point_codes"]
-    biases = golden.field.biases(golden.codes.shapes[shape], golden.codes.textures[texture])
-    density, rgb = golden.field.radiance(points, golden.field.direction_bias(directions), *biases)
-    np.testing.assert_allclose(density, golden_expected["sigma"], rtol=1e-3, atol=1e-5)
-    np.testing.assert_allclose(rgb, golden_expected["rgb"], atol=1e-4)
-
-
 @pytest.mark.parametrize("index", range(3))
 def test_the_renderer_is_the_authors(index: int, golden: Model, golden_expected: dict[str, np.ndarray]):
     """Colours and depths at every pixel: encoding, codes, rays, samples, the last interval and the white behind it."""
