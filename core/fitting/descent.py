@@ -13,8 +13,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from core.fitting.biases import hypothesis_cells
-from core.fitting.gauss_newton import gauss_newton_step
+from core.fitting.gauss_newton import gauss_newton_step, normal_equations
 from core.fitting.hypotheses import HypothesisBatch, by_loss, concatenate, mean_parameters
+from core.fitting.imagined import ImaginedViews, add_imagined, imagined_error
 from core.fitting.objective import evaluate_objective, viewpoint_weights
 from core.fitting.observations import sample_pixels
 from core.fitting.problem import Problem
@@ -43,9 +44,13 @@ def optimise(
                 cells = hypothesis_cells(problem.model, batch.parameters, problem.origin)
             pixels = sample_pixels(problem.observations, stage.rays, generator)
             jitter = torch.rand(pixels.points.shape[:2], generator=generator) - 0.5
-            moved = gauss_newton_step(
-                problem.model, batch, pixels, jitter, stage, objective, problem.free, cells, problem.origin
+            equations = normal_equations(
+                problem.model, batch.parameters, pixels, jitter, stage, objective, cells, problem.origin
             )
+            if problem.imagined:
+                view = ImaginedViews.random(problem.model, 1, stage.rays // 2, generator)
+                add_imagined(equations, problem.model, batch.parameters, view, stage, cells, problem.origin)
+            moved = gauss_newton_step(batch, equations, stage, problem.free)
             loss = moved.loss * viewpoint_weights(moved.parameters, problem.viewpoints)
             loss = torch.lerp(batch.loss, loss, _EMA if step else 1.0).nan_to_num(math.inf, math.inf)
             batch = replace(moved, loss=loss)
@@ -66,7 +71,12 @@ def score(problem: Problem, batch: HypothesisBatch, robust_scale: float) -> Hypo
             cells=cells,
             origin=problem.origin,
         )
-    loss = value.objective.nan_to_num(math.inf, math.inf) * viewpoint_weights(batch.parameters, problem.viewpoints)
+        loss = value.objective
+        if problem.imagined:
+            loss = loss + imagined_error(
+                problem.model, batch.parameters, problem.imagined, problem.settings.samples, cells, problem.origin
+            )
+    loss = loss.nan_to_num(math.inf, math.inf) * viewpoint_weights(batch.parameters, problem.viewpoints)
     return replace(batch, loss=loss, squared_error=value.squared_error)
 
 

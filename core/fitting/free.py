@@ -14,6 +14,7 @@ import torch
 
 from core.fitting.descent import refine, score
 from core.fitting.hypotheses import HypothesisBatch, one_view
+from core.fitting.imagined import ImaginedViews
 from core.fitting.network import free_network, frees_network
 from core.fitting.objective import render_pixels
 from core.fitting.observations import Observation, sample_pixels
@@ -23,6 +24,7 @@ from core.models.latents import Latents
 
 _CAUTION = 10.0  # times the prior's weight where the object comes from a photograph
 _SOLID = 0.7  # opacity of codes above which they hold a background pixel of a doubtful mask for the object
+_VIEWS = 8  # imagined ones, to compare hypotheses on
 
 
 def free_steps(problem: Problem, winner: HypothesisBatch, stage: Stage) -> int:
@@ -70,7 +72,8 @@ def _cautious(problem: Problem, winner: HypothesisBatch, generator: torch.Genera
     """Return the problem of objects of photographs, which are trusted less than renders of a known size.
 
     Free biases would explain light, gloss and errors of the mask by shape, so the prior weighs more. Doubtful masks add
-    to the object, but carve nothing that its codes hold solid: a gap may be a mistake.
+    to the object, but carve nothing that its codes hold solid: a gap may be a mistake. The sides that no photo shows
+    are imagined (:mod:`core.fitting.imagined`).
     """
     observations = tuple(
         observation if photo.mask_confidence == 1 else _without_solid(problem, winner, observation, view)
@@ -78,7 +81,8 @@ def _cautious(problem: Problem, winner: HypothesisBatch, generator: torch.Genera
     )
     scoring = sample_pixels(observations, max(1, SCORING_RAYS // len(observations)), generator)
     settings = replace(problem.settings, code_prior=_CAUTION * problem.settings.code_prior)
-    return replace(problem, observations=observations, scoring=scoring, settings=settings)
+    imagined = ImaginedViews.random(problem.model, _VIEWS, SCORING_RAYS // (2 * _VIEWS), generator)
+    return replace(problem, observations=observations, scoring=scoring, settings=settings, imagined=imagined)
 
 
 def _without_solid(problem: Problem, winner: HypothesisBatch, observation: Observation, view: int) -> Observation:

@@ -57,26 +57,16 @@ class NormalEquations(NamedTuple):
 
 
 def gauss_newton_step(
-    model: Model,
-    batch: HypothesisBatch,
-    pixels: PixelBatch,
-    jitter: Float[Tensor, "views all_rays"],
-    stage: Stage,
-    objective: Objective,
-    free: Bool[Tensor, "views 8"],
-    cells: Bool[Tensor, "hypotheses x y z"] | None = None,
-    origin: Latents | None = None,
+    batch: HypothesisBatch, equations: NormalEquations, stage: Stage, free: Bool[Tensor, "views 8"]
 ) -> HypothesisBatch:
     """Return the hypotheses after one step, with the loss and squared error from before it.
 
     Args:
-        jitter: see :func:`core.fitting.hypotheses.hypothesis_rays`.
+        equations: of these hypotheses.
         free: camera parameters that may move; codes always may.
-        cells, origin: see :func:`core.fitting.objective.evaluate_objective`.
 
     A hypothesis with a non-finite objective gets infinite loss and does not move.
     """
-    equations = normal_equations(model, batch.parameters, pixels, jitter, stage, objective, cells, origin)
     step = _solve_damped(equations, stage, free)
     parameters = _apply_step(batch.parameters, step, free)
     loss = equations.objective.nan_to_num(math.inf, math.inf)
@@ -95,10 +85,11 @@ def camera_uncertainty(
     """Return the uncertainty (rad) of the cameras' orientations within their basin, at most pi: that of the worst.
 
     The standard deviation from the objective's curvature (Laplace's approximation), marginalised over all other free
-    parameters. Other arguments are those of :func:`gauss_newton_step`.
+    parameters. Other arguments are those of :func:`normal_equations`.
 
     Args:
         hypothesis: a batch of one.
+        free: camera parameters that may move.
         unknown: photos with unknown cameras, at least one.
     """
     equations = normal_equations(model, hypothesis.parameters, pixels, None, stage, objective)
@@ -123,7 +114,13 @@ def normal_equations(
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
     origin: Latents | None = None,
 ) -> NormalEquations:
-    """Return the quadratic model of the objective around hypotheses; arguments as in :func:`gauss_newton_step`."""
+    """Return the quadratic model of the objective around hypotheses.
+
+    Args:
+        jitter: see :func:`core.fitting.hypotheses.hypothesis_rays`.
+        stage: whose samples rays have.
+        cells, origin: see :func:`core.fitting.objective.evaluate_objective`.
+    """
     hypothesis_count = len(parameters.angles)
     pixel_count = pixels.pixels.shape[1]
 

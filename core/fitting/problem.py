@@ -10,6 +10,7 @@ from torch import Tensor
 
 from core.classifiers.viewpoint import predict_viewpoint, uniform_directions, with_side, with_witness
 from core.fitting.hypotheses import Hypothesis
+from core.fitting.imagined import ImaginedViews
 from core.fitting.objective import (
     CAMERA_PRIOR_SCALE,
     CAMERA_PRIOR_WEIGHT,
@@ -87,6 +88,7 @@ class Problem:
     validation: PixelBatch
     occluded: bool = False  # an occluder may hide parts of the object
     origin: Latents | None = None  # see hypothesis_biases
+    imagined: ImaginedViews | None = None  # on which hypotheses are compared, too; steps draw their own
 
     @classmethod
     def of(cls, model: Model, job: FitJob, generator: torch.Generator) -> "Problem":

@@ -7,6 +7,7 @@ import torch
 
 from core.fitting.fit import FitJob, fit
 from core.metrics import psnr
+from core.models.library import load_model
 from core.models.model import Instance, Model
 from core.rendering.images import render_image
 from tests.core.fitting.inputs import QUICK, SHORT
@@ -96,12 +97,13 @@ def test_a_doubtful_mask_adds_to_the_object_and_carves_nothing(tiny: Model):
     assert float(gap_opacity[0.9].mean()) > float(gap_opacity[1.0].mean()) + 0.05
 
 
-def test_an_object_of_a_photograph_keeps_nearer_to_its_codes(tiny: Model):
-    camera = tiny.camera(0.5, 0.4)
-    photo = replace(photo_of(unreachable(tiny), camera), camera=camera)
+def test_an_object_of_a_photograph_keeps_nearer_to_its_codes():
+    model = load_model("chairs")  # imagined views would make surfaces of the mist that a random network is
+    camera = model.camera(0.5, 0.4).resized(64, 64)
+    photo = replace(photo_of(model[3], camera), camera=camera)
     sizes = []
     for changed in (replace(photo, mask_confidence=0.99), replace(photo, cropped=True), photo):
-        *_, last = fit(tiny, FitJob((changed,), FREE))
+        *_, last = fit(model, FitJob((changed,), replace(FREE, samples=48)))
         assert last.instance.codes.shape_offsets is not None
         sizes.append(float(last.instance.codes.shape_offsets.float().square().mean()))
     assert max(sizes[:2]) < 0.8 * sizes[2]

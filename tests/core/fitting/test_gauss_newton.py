@@ -21,7 +21,9 @@ FREE = torch.tensor([[True, True, True, True, False, False, False, False]])
 
 
 def step_of(model: Model, batch: HypothesisBatch, pixels: PixelBatch, free: torch.Tensor) -> HypothesisBatch:
-    return gauss_newton_step(model, batch, pixels, torch.zeros_like(pixels.target_opacity), STAGE, OBJECTIVE, free)
+    jitter = torch.zeros_like(pixels.target_opacity)
+    equations = normal_equations(model, batch.parameters, pixels, jitter, STAGE, OBJECTIVE)
+    return gauss_newton_step(batch, equations, STAGE, free)
 
 
 def two_views(count: int) -> Parameters:
