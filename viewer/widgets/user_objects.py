@@ -1,6 +1,7 @@
 """Added objects: the dots on their tiles, and their menu entries."""
 
 from collections.abc import Collection
+from datetime import datetime
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
@@ -37,11 +38,14 @@ def colour_of(added: EditableObject) -> Colour:
 
 
 def about(added: EditableObject) -> str:
-    """Return a line for the tooltip of a fitted object; "" for any other."""
+    """Return a line for the tooltip of a fitted object, which tells fits of one photo apart; "" for any other."""
+    if not added.fitted:
+        return ""
     sure = "" if added.confidence is None else f", the camera right with a probability of {added.confidence:.0%}"
     detail = added.instance.detail
     photos = "photos" if detail and len(detail.views) > 1 else "a photo"
-    return f"\nFitted to {photos}{sure}" if added.fitted else ""
+    made = datetime.fromtimestamp(int(added.key or 0) / 1e9)
+    return f"\nFitted to {photos} on {made:%d %B at %H:%M}{sure}"
 
 
 class UserObjectMenu:

@@ -1,13 +1,16 @@
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from core.models.model import Instance
+from core.models.model import Instance, Model
 from tests.viewer.driver import Drive, Driver, in_window
+from viewer.values.objects import EditableObject
 from viewer.values.printable import as_label
 from viewer.widgets import user_objects
 
@@ -273,3 +276,15 @@ def test_reset_and_another_branch_leave_the_edits_of_before_as_versions(window: 
     assert editor.objects.states("block") == [fitted, green, red, blue]
     window.click("History/branch 1")
     assert set(editor.objects.states("block")) == {fitted, green, red, blue}
+
+
+def test_a_tooltip_tells_two_fits_of_a_photo_apart(model: Model) -> None:
+    noon = int(datetime(2026, 3, 1, 12, 5).timestamp() * 1e9)
+    first = EditableObject("block", model[0], fitted=True, confidence=0.7, key=str(noon))
+    later = replace(first, key=str(noon + 60 * 10**9))
+    assert (
+        user_objects.about(first)
+        == "\nFitted to a photo on 01 March at 12:05, the camera right with a probability of 70%"
+    )
+    assert "12:06" in user_objects.about(later)
+    assert user_objects.about(replace(first, fitted=False)) == ""
