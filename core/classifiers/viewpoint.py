@@ -43,6 +43,7 @@ SIDES: dict[Side, float] = {
     "above": math.nan,
 }  # azimuth (rad) of a camera that sees this side; from above, any
 SEEN_ANGLE = math.radians(60)  # a photo shows the sides of an object that are turned away from it by less
+_SEES_TOP = math.radians(20)  # elevation from which a photo shows the top
 _SIDE_WIDTH = math.radians(30)
 _SIDE_WRONG = 0.05  # likelihood of directions far from the named side, relative to its middle
 
@@ -139,24 +140,26 @@ def with_witness(
     return (posterior / posterior.sum()).flatten()
 
 
-def unseen_side(azimuths: Sequence[float]) -> Side | None:
-    """Return a side of the object that neither photos nor their mirror images show, the back before the front.
+def unseen_side(azimuths: Sequence[float], highest: float) -> Side | None:
+    """Return a side of the object that neither photos nor their mirror images show: back, front, left, or the top.
 
     Args:
         azimuths: of the photos' cameras, rad.
+        highest: elevation of the highest camera, rad.
 
     None if there is no such side, or no photo.
 
     Example:
-        >>> [unseen_side(azimuths) for azimuths in ((math.pi / 2,), (math.pi / 4,), (math.pi / 4, -math.pi / 4), ())]
-        ['back', 'back', None, None]
+        >>> around = math.pi / 4, -math.pi / 4
+        >>> unseen_side((math.pi / 4,), 0.5), unseen_side(around, 0.5), unseen_side(around, 0.2), unseen_side((), 0.2)
+        ('back', None, 'above', None)
     """
     if not azimuths:
         return None
     both = [*azimuths, *(2 * FRONT_AZIMUTH - azimuth for azimuth in azimuths)]
     sides: tuple[Side, ...] = "back", "front", "left"
     unseen = (side for side in sides if all(math.cos(SIDES[side] - angle) < math.cos(SEEN_ANGLE) for angle in both))
-    return next(unseen, None)
+    return next(unseen, "above" if highest < _SEES_TOP else None)
 
 
 def with_side(probability: Float[Tensor, "directions"], side: Side) -> Float[Tensor, "directions"]:

@@ -42,12 +42,12 @@ def draw_strip(context: PanelContext, history: FitHistory) -> None:
 
 
 def draw_unseen_side(context: PanelContext, history: FitHistory, detail: PhotoDetail) -> None:
-    """Name the side that no photo shows, with a button for a photo of it."""
-    side = unseen_side(detail.azimuths)
+    """Name the side that no photo shows, the top last, with a button for a photo of it."""
+    side = unseen_side(detail.azimuths, max(view.camera.elevation for view in detail.views))
     if side is None or not history.photos or len(history.sources) >= MOST_PHOTOS:
         return
     imgui.align_text_to_frame_padding()
-    imgui.text_wrapped(f"The {side} is a guess.")
+    imgui.text_wrapped(f"The {_name(side)} is a guess.")
     imgui.same_line()
     if button(f"Add a photo of it###add {side}", _PLUS_HELP):
         ask_for_photo(context, history, side)
@@ -59,9 +59,13 @@ def ask_for_photo(context: PanelContext, history: FitHistory, side: Side | None 
     Args:
         side: of the object that the photo shows, if it is known.
     """
-    title = f"Photo of the {side} of the same object" if side else "Another photo of the same object"
+    title = f"Photo of the {_name(side)} of the same object" if side else "Another photo of the same object"
     add = partial(context.session.fitting.add_photo, history, side=side)
     context.files.ask(FileRequest(title, add, IMAGE_SUFFIXES))
+
+
+def _name(side: Side) -> str:
+    return "top" if side == "above" else side
 
 
 def _draw_photo(context: PanelContext, history: FitHistory, number: int, side: float, can_change: bool) -> None:
