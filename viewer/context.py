@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
+from core.detail.progressive import Frame
 from core.models.scene import embedded_scene
 from core.photos.clip import VIDEO_SUFFIXES
 from core.photos.decode import IMAGE_SUFFIXES, image_files
@@ -73,6 +74,11 @@ class PanelContext:
     def palette(self) -> Palette:
         """The colours of the theme."""
         return DARK if self.preferences.dark else LIGHT
+
+    def texture(self, image: Frame | np.ndarray) -> imgui.ImTextureRef:
+        """Return the texture of a frame on the theme's background, or of uint8 RGB or RGBA pixels."""
+        assert self.images is not None, "no window yet"
+        return self.images.texture(image, self.palette)
 
     def set_preference(self, **values: Any) -> None:
         """Change preferences by name."""

@@ -70,7 +70,7 @@ class SegmentingDialog:
         imgui.end_group()
 
     def _draw_photo(self, context: PanelContext, segmenting: Segmenting) -> None:
-        if segmenting.plain is None or context.images is None:
+        if segmenting.plain is None:
             imgui.text_disabled("Reading the photo …")
             return
         room = imgui.get_content_region_avail()
@@ -86,7 +86,7 @@ class SegmentingDialog:
         image = segmenting.result.image if segmenting.result else segmenting.plain
         draw = imgui.get_window_draw_list()
         draw.push_clip_rect(corner, corner + size, True)
-        draw.add_image(context.images.texture(image, context.palette), origin, origin + extent)
+        draw.add_image(context.texture(image), origin, origin + extent)
         if segmenting.hints.box:
             left, top, right, bottom = segmenting.hints.box
             low = origin + extent * ImVec2(left, top)
@@ -158,15 +158,13 @@ class SegmentingDialog:
 
 def _draw_alternatives(context: PanelContext, segmenting: Segmenting) -> None:
     """Draw the alternative masks; a click chooses one."""
-    if context.images is None or not (segmenting.result and segmenting.result.alternatives):
-        return
     side = hello_imgui.em_size((_COLUMN - 3) / 2)
-    for number, image in enumerate(segmenting.result.alternatives):
+    for number, image in enumerate(segmenting.result.alternatives if segmenting.result else ()):
         if number:
             imgui.same_line()
         height, width = image.shape[:2]
         size = ImVec2(width, height) * (side / max(width, height))
-        if imgui.image_button(f"other {number}", context.images.texture(image, context.palette), size):
+        if imgui.image_button(f"other {number}", context.texture(image), size):
             segmenting.choose(number)
         tooltip("Take this mask instead")
 

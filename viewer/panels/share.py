@@ -134,14 +134,14 @@ class ShareDialog:
 
     def _draw_preview(self, context: PanelContext, settings: ShareSettings, side: float) -> None:
         image = context.session.exporting.preview.image
-        if image is None or context.images is None:
+        if image is None:
             imgui.dummy((side, side / WIDE if settings.wide else side))
             return
         if self._composite is None or self._composite[0] is not image or self._composite[1] != settings.behind:
             self._composite = image, settings.behind, _on_background(image, settings.behind)
         corner = imgui.get_cursor_screen_pos()
         size = ImVec2(side, side * image.shape[0] / image.shape[1])
-        imgui.image(context.images.texture(self._composite[2], context.palette), size)
+        imgui.image(context.texture(self._composite[2]), size)
         if context.session.exporting.preview.stale:
             veil = packed(context.palette.panel, object_tiles.DIMMED)
             imgui.get_window_draw_list().add_rect_filled(corner, corner + size, veil)
@@ -217,9 +217,8 @@ def _draw_films(context: PanelContext, settings: ShareSettings, room: float) -> 
         selected = kind if imgui.invisible_button(f"##preview {kind}", size) else selected
         tooltip(_ABOUT[kind])
         frame = previews.frame(kind, imgui.get_time())
-        if frame is not None and context.images is not None:
-            texture = context.images.texture(frame, context.palette)
-            imgui.get_window_draw_list().add_image(texture, position, position + size)
+        if frame is not None:
+            imgui.get_window_draw_list().add_image(context.texture(frame), position, position + size)
     selected = _draw_toggles(selected, {kind: (f"{FILMS[kind]}###{kind}", _ABOUT[kind]) for kind in kinds}, width)
     if editor.scene.instance.detail:
         imgui.text_disabled(_sources(previews.photo_shares(selected)))

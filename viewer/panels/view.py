@@ -179,13 +179,12 @@ def _motion(size: ImVec2) -> ImVec2:
 
 def _draw_overlay(context: PanelContext, image: np.ndarray | None, corner: ImVec2, size: ImVec2) -> None:
     """Draw square pixels over the object."""
-    if image is not None and context.images and context.session.viewport.source == "scene":
+    if image is not None and context.session.viewport.source == "scene":
         side = min(size.x, size.y)
         pan = context.session.viewport.settings.offset
         low = corner + (size - ImVec2(side, side)) * 0.5 + ImVec2(*pan) * side
-        texture = context.images.texture(image, context.palette)
         draw = imgui.get_window_draw_list()
-        draw.add_image(texture, low, low + ImVec2(side, side))
+        draw.add_image(context.texture(image), low, low + ImVec2(side, side))
 
 
 def _badge(context: PanelContext, frame: Frame) -> str:

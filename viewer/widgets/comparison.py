@@ -22,7 +22,7 @@ class Comparison:
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
         """Draw the photo over the view, imgui's last item; return whether the tool takes the mouse."""
         photo_rect = photo_place(context, corner, size)
-        if photo_rect is None or context.images is None:
+        if photo_rect is None:
             return False
         view, low, high = photo_rect
         if imgui.is_item_active():
@@ -32,7 +32,7 @@ class Comparison:
         bottom = corner.y + size.y
         draw.push_clip_rect(corner, (edge, bottom), True)
         draw.add_rect_filled(corner, (edge, bottom), packed(mixed(*context.palette.background, 0.35)))
-        draw.add_image(context.images.texture(photo_pixels(view.image), context.palette), low, high)
+        draw.add_image(context.texture(photo_pixels(view.image)), low, high)
         draw.pop_clip_rect()
         draw.add_line((edge, corner.y), (edge, bottom), packed(context.palette.accent), 2.0)
         return True

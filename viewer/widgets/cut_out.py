@@ -23,8 +23,6 @@ def draw_cut_out(
     choose: Callable[[int], None],
 ) -> None:
     """Draw the photo and, unless there is only one, the boxes; a click calls ``choose`` with the box's index."""
-    if context.images is None:
-        return
     height, width = pixels.shape[:2]
     room = imgui.get_content_region_avail().x
     scale = min(room / width, _TALLEST * imgui.get_window_height() / height)
@@ -32,10 +30,8 @@ def draw_cut_out(
     corner = imgui.get_cursor_screen_pos()
     corner += ImVec2((room - size.x) / 2, 0)
     imgui.set_cursor_screen_pos(corner)
-    texture = context.images.texture(pixels, context.palette)
-    imgui.get_window_draw_list().add_image_rounded(
-        texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, rounding()
-    )
+    draw = imgui.get_window_draw_list()
+    draw.add_image_rounded(context.texture(pixels), corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, rounding())
     if context.tool != "pick" and len(boxes) > 1:  # smaller boxes first, as larger ones contain them
         for number, box in sorted(enumerate(boxes), key=lambda item: _area(item[1])):
             _draw_box(context, number, box, (corner, size), choose)

@@ -31,11 +31,10 @@ def paint_frame(context: PanelContext, image: Frame | np.ndarray | None, corner:
     """Draw a frame or RGB pixels in a square of ``side`` px with round corners, empty for None."""
     draw = imgui.get_window_draw_list()
     opposite = corner + ImVec2(side, side)
-    if image is None or context.images is None:
+    if image is None:
         shade(corner, side, context.palette.raised)
         return
-    texture = context.images.texture(image, context.palette)
-    draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), 0xFFFFFFFF, rounding())
+    draw.add_image_rounded(context.texture(image), corner, opposite, (0, 0), (1, 1), 0xFFFFFFFF, rounding())
     if not context.preferences.dark:
         draw.add_rect(corner, opposite, packed(context.palette.line), rounding())
 

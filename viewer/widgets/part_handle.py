@@ -131,9 +131,8 @@ def _takes_paint(context: PanelContext, handle: Handle) -> bool:
 
 def _draw_glow(context: PanelContext, visible: VisibleParts, handle: Handle, corner: ImVec2, size: ImVec2) -> None:
     """Draw the glow over a part, below the view's buttons."""
-    assert context.images
     draw = imgui.get_window_draw_list()
-    texture = context.images.texture(visible.highlights[handle.part], context.palette)
+    texture = context.texture(visible.highlights[handle.part])
     left, top, right, bottom = visible.crop.box
     draw.channels_set_current(0)
     draw.add_image(texture, corner, corner + size, (left, top), (right, bottom))
