@@ -55,7 +55,7 @@ class PanelContext:
     images: Images | None = None
     bold: imgui.ImFont | None = None  # for headings
     focus: str = ""  # title of the panel to bring to the front; empty for none
-    tool: str = "turn"  # use of a drag in the view: turn, or a tool of :class:`viewer.widgets.over_view.OverView`
+    tool: str = "turn"  # use of a drag in the view: turn, size, or a tool of :class:`viewer.panels.view.ViewPanel`
     dragged: str = ""  # name of the object that is dragged onto B
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # upper left and lower right corner of the view, px
     covered: float = 0.0  # px of the view's lower edge that the history covers

@@ -1,5 +1,6 @@
 """The panel of the view: the image of the scene, with its mouse, keys, buttons and badge."""
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -11,8 +12,11 @@ from viewer.context import Hints, Panel, PanelContext
 from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, WARM, packed
 from viewer.values import orbit
 from viewer.values.view_modes import in_mode
+from viewer.widgets.comparison import Comparison
 from viewer.widgets.controls import action_button, end_gesture, tooltip
-from viewer.widgets.over_view import OverView
+from viewer.widgets.eraser import Eraser
+from viewer.widgets.paint import pick_in_view
+from viewer.widgets.part_handle import PartHandle
 from viewer.widgets.size_box import draw_size_box
 from viewer.widgets.text import paint_on_plate
 from viewer.widgets.welcome import Welcome
@@ -41,7 +45,12 @@ class ViewPanel(Panel):
 
     def __init__(self) -> None:
         self._welcome = Welcome()
-        self._over = OverView()
+        self._tools: dict[str, Callable[[PanelContext, ImVec2, ImVec2], bool]] = {
+            "wipe": Comparison().draw,
+            "erase": Eraser().draw,
+            "pick": pick_in_view,
+        }  # draw over the view, imgui's last item, from its corner and size on screen, and tell if they take the mouse
+        self._handle = PartHandle()
         self._pans = False  # the middle or right button was pressed in the view, and is held
         self._covered = 0  # px of the view's lower edge that the welcome card or the history covers
 
@@ -71,14 +80,17 @@ class ViewPanel(Panel):
         if not begins or context.session.editor.history.past:
             _draw_badge(context, frame, corner + ImVec2(0, size.y - context.covered))
         draw_size_box(context, corner, size, hints.shows_size)
-        self._over.draw_handle(context, corner, size)
+        self._handle.draw(context, corner, size)
         draw.channels_set_current(0)
         imgui.set_cursor_screen_pos(corner)
         is_released = imgui.invisible_button("orbit", size)
-        if not self._over.draw(context, corner, size):
+        if imgui.is_key_pressed(imgui.Key.escape):
+            context.tool = "turn"
+        tool = self._tools.get(context.tool)
+        if tool is None or not tool(context, corner, size):
             self._react(context, size)
             if is_released and imgui.get_io().mouse_drag_max_distance_sqr[0] < _STILL**2:
-                self._over.click(context)
+                self._handle.click(context)
         draw.channels_merge()
         if begins:
             self._welcome.draw(context, corner, size)

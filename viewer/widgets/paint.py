@@ -116,14 +116,11 @@ def _paint(context: PanelContext, colour: Rgb) -> None:
         context.preferences = context.preferences.with_paint(paint)
 
 
-class Eyedropper:
-    """The tool that paints with a colour of the view."""
-
-    def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
-        """Show the colour under the mouse over the view, imgui's last item; always take the mouse."""
-        if frame := context.session.viewport.frame:
-            pick(context, frame.image, corner, size)
-        return True
+def pick_in_view(context: PanelContext, corner: ImVec2, size: ImVec2) -> bool:
+    """Pick a colour of the view, imgui's last item; always take the mouse."""
+    if frame := context.session.viewport.frame:
+        pick(context, frame.image, corner, size)
+    return True
 
 
 def pick(
