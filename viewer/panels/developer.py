@@ -1,11 +1,14 @@
 """The panel for developers: all view modes, speed, candidates of a fit, and all messages."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
-from imgui_bundle import hello_imgui, imgui
+import numpy as np
+from imgui_bundle import hello_imgui, imgui, implot
 
 from core.detail.progressive import Frame
+from core.fitting.fit import FitStep
 from core.fitting.hypotheses import Hypothesis
 from core.runtime.caches import CACHE
 from core.runtime.precision import matmul_dtype
@@ -13,13 +16,14 @@ from viewer.context import Panel, PanelContext
 from viewer.services.messages import MessageKind
 from viewer.values.view_modes import MODES
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import choose, flow, tooltip
-from viewer.widgets.fit_numbers import draw_fit_numbers
+from viewer.widgets.controls import button, choose, flow, tooltip
 from viewer.widgets.text import caption
 
 _TILE = 3.4  # em, side of a candidate
 _EVERY = 8  # steps of a fit for which its candidates stay, so that all are rendered
 _SIZE, _CLOSER = 32, 1.5  # px of a candidate's image, and its zoom: photos have a margin around the object
+_CURVE = 5.5  # em, height of the curve of a fit
+_FOCAL = "Find focal length"  # short enough for the panel at the largest text size
 _FLAGS = imgui.TableFlags_.sizing_stretch_prop | imgui.TableFlags_.row_bg
 
 
@@ -37,7 +41,7 @@ class DeveloperPanel(Panel):
         viewport.change(mode=choose("mode", viewport.settings.mode, modes, "What the view shows"))
         sections = {
             "Performance": _draw_speed,
-            "Fit": draw_fit_numbers,
+            "Fit": _draw_fit,
             "Candidates": _draw_candidates,
             "Messages": _draw_messages,
         }
@@ -74,6 +78,39 @@ def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
         ("Device", device.type if device.type == "cpu" else str(device)),
         ("Window", f"{imgui.get_io().framerate:.0f} frames a second"),
     ]
+
+
+def _draw_fit(context: PanelContext) -> None:
+    """Draw the next fit's settings, and the last fit's result and curve."""
+    fitting = context.session.fitting
+    fitting.options.estimate_focal = imgui.checkbox(_FOCAL, fitting.options.estimate_focal)[1]
+    tooltip("Estimate it: for photos from nearer or further away than the model's training images")
+    if (last := fitting.history.last) is not None and not fitting.running:
+        sure = "" if last.confidence is None else f"    camera {last.confidence:.0%}"
+        caption(context, f"{last.step} steps    {last.seconds:.0f} s    {last.psnr:.1f} dB{sure}")
+        can_resume = fitting.history.resume_point is not None
+        if button("Go on###resume", "Improve it for a third of the steps of a new search", enabled=can_resume):
+            fitting.resume()
+    if fitting.history.steps:
+        _draw_curve(context, fitting.history.steps)
+
+
+def _draw_curve(context: PanelContext, steps: Sequence[FitStep]) -> None:
+    """Draw loss and PSNR against seconds."""
+    flags = implot.Flags_
+    if not implot.begin_plot("##curve", (-1, _CURVE * hello_imgui.em_size()), flags.no_legend | flags.no_inputs):
+        return
+    fit = implot.AxisFlags_.auto_fit
+    implot.setup_axes("", "loss", fit, fit | implot.AxisFlags_.no_tick_marks)
+    implot.setup_axis(implot.ImAxis_.y2, "dB", fit | implot.AxisFlags_.aux_default)
+    implot.setup_axis_format(implot.ImAxis_.x1, "%g s")
+    implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
+    accent, warm = (imgui.ImVec4(*colour, 1.0) for colour in (context.palette.accent, context.palette.warm))
+    seconds, loss, psnr = np.array([(step.seconds, step.loss, step.psnr) for step in steps]).T.copy()
+    implot.plot_line("loss", seconds, loss, spec=implot.Spec(line_color=accent))
+    implot.set_axes(implot.ImAxis_.x1, implot.ImAxis_.y2)
+    implot.plot_line("PSNR", seconds, psnr, spec=implot.Spec(line_color=warm))
+    implot.end_plot()
 
 
 def _draw_candidates(context: PanelContext) -> None:
