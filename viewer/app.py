@@ -249,7 +249,7 @@ class App:
         return None
 
     def _load_fonts(self) -> None:
-        self.context.bold = fonts.load_fonts()[1]
+        self.context.bold = fonts.load_fonts()
 
     def _opened(self) -> None:
         self._gl = moderngl.get_context()
@@ -270,7 +270,6 @@ class App:
         self.session.messages.restart()
         window.on_drop(self._dropped)
         window.limit_size()
-        window.shrink_to_monitor()
         if self._headless:
             window.resize(*self._size)
             self._surface = window.draw_into(self._gl, self._size)

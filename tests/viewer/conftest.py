@@ -181,7 +181,7 @@ def drive(
 
         try:
             with unchecked_shapes():
-                testing.run(test_function=test, runner_params=app.params, add_ons_params=window.add_ons())
+                testing.run(test_function=test, runner_params=app.params, add_ons_params=window.ADD_ONS)
         finally:
             session.jobs.worker.close()
 

@@ -27,17 +27,13 @@ SYSTEM = (
 )  # systems' fonts with Chinese, Japanese or Korean; those with most glyphs first
 
 
-def load_fonts() -> list[imgui.ImFont]:
-    """Load the text font and the bold one of headings, in this order."""
-    icons = hello_imgui.FontLoadingParams()
-    icons.inside_assets, icons.merge_to_last_font = False, True
-    fonts = []
-    for name in (_TEXT, _BOLD):
-        fonts.append(hello_imgui.load_font_ttf_with_font_awesome_icons(name, SIZE))
-        # Only the text font gets the large fallback fonts: headings hold no file names.
-        for path in fallbacks() if name == _TEXT else ():
-            hello_imgui.load_font(str(path), SIZE, icons)
-    return fonts
+def load_fonts() -> imgui.ImFont:
+    """Load the font of text, and return the bold one of headings."""
+    hello_imgui.load_font_ttf_with_font_awesome_icons(_TEXT, SIZE)
+    merged = hello_imgui.FontLoadingParams(inside_assets=False, merge_to_last_font=True)
+    for path in fallbacks():  # large, and for the text alone: headings hold no file names
+        hello_imgui.load_font(str(path), SIZE, merged)
+    return hello_imgui.load_font_ttf_with_font_awesome_icons(_BOLD, SIZE)
 
 
 def fallbacks(system: Sequence[str] = SYSTEM) -> list[Path]:

@@ -12,6 +12,7 @@ import moderngl
 
 NAME = "CodeNeRF Viewer"
 SMALLEST = 900, 600  # least width and height, px of a 96 ppi screen
+ADD_ONS = immapp.AddOnsParams(with_implot=True)  # panels draw plots
 _SHARE = 0.85  # fraction of the screen's width and height that a new window takes
 
 
@@ -102,12 +103,7 @@ def make_headless(params: hello_imgui.RunnerParams, finish: Callable[[], None]) 
 
 def run(params: hello_imgui.RunnerParams) -> None:
     """Open the window and return when it is closed."""
-    immapp.run(params, add_ons())
-
-
-def add_ons() -> immapp.AddOnsParams:
-    """Return the add-ons that panels use beside imgui: plots."""
-    return immapp.AddOnsParams(with_implot=True)
+    immapp.run(params, ADD_ONS)
 
 
 def on_drop(dropped: Callable[[list[str]], None]) -> None:
@@ -117,14 +113,12 @@ def on_drop(dropped: Callable[[list[str]], None]) -> None:
 
 
 def limit_size() -> None:
-    """Limit the window's size so that controls stay reachable."""
+    """Keep the window so large that its controls are reachable, and shrink it if it is larger than its monitor.
+
+    It is larger if it was last used at another scale of the screen, for example.
+    """
     window = glfw_utils.glfw_window_hello_imgui()
     glfw.set_window_size_limits(window, *SMALLEST, glfw.DONT_CARE, glfw.DONT_CARE)
-
-
-def shrink_to_monitor() -> None:
-    """Shrink a window that is larger than its monitor, such as one last used at another scale of the screen."""
-    window = glfw_utils.glfw_window_hello_imgui()
     (x, y) = glfw.get_window_pos(window)
     (width, height) = glfw.get_window_size(window)
 

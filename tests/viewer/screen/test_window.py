@@ -43,7 +43,7 @@ def test_a_window_whose_monitor_is_gone_opens_on_one_that_is_there(
 def test_a_window_larger_than_its_monitor_shrinks(drive: Drive) -> None:
     def act(driver: Driver) -> None:
         window.resize(7680, 4320)
-        window.shrink_to_monitor()
+        window.limit_size()
         size = glfw.get_window_size(glfw_utils.glfw_window_hello_imgui())
         assert all(map(int.__le__, size, glfw.get_monitor_workarea(glfw.get_primary_monitor())[2:]))
 
