@@ -30,11 +30,13 @@ T = TypeVar("T")
 _SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
 _ICONS = {
     "page": icons_fontawesome_4.ICON_FA_GLOBE,
+    "film": icons_fontawesome_4.ICON_FA_FILM,
     "picture": icons_fontawesome_4.ICON_FA_CAMERA,
     "mesh": icons_fontawesome_4.ICON_FA_CUBE,
 }
 _ABOUT = {
     "page": "One file that opens on any phone or computer, where everyone can turn the object",
+    "film": "The object from many sides, as a video",
     "swing": "From the photo's view to both sides and back: the sides that the photo knows",
     "turntable": "The object turning once round",
     "morph": "The object turning once round, while it becomes B and itself again; takes longer",
@@ -42,8 +44,7 @@ _ABOUT = {
     "mesh": "The object as a coloured surface, for Blender, the web or a game",
 }
 _PREVIEW = {"page": "What is seen first", "picture": "As it is saved", "mesh": "The object that is saved"}
-_TOGGLES = {kind: (f"{icon}  {KINDS[kind]}###{kind}", _ABOUT[kind]) for kind, icon in _ICONS.items()}
-_FILM = f"{icons_fontawesome_4.ICON_FA_FILM}  Film###film", "The object from many sides, as a video"
+_TOGGLES = {kind: (f"{icon}  {KINDS.get(kind, 'Film')}###{kind}", _ABOUT[kind]) for kind, icon in _ICONS.items()}
 _ON_A_PAGE = ("One file for any browser.", "Drag turns it, on phones too.", "Under 2 MB, works offline.")
 _SIZES = {
     size: (f"{name}###{name.lower()}", f"{size} px")
@@ -52,16 +53,37 @@ _SIZES = {
 _CELLS = {0: "Automatic"} | {cells: f"{cells} cells" for cells in (96, 128, 192, 256, 384, 512)}
 _TRIANGLES = {0: "Automatic"} | {count: f"{count:,} at most" for count in (100_000, 30_000, 8_000, 2_000)}
 _TEXTURES = {512: "Image, 512 px", 1024: "Image, 1024 px", 2048: "Image, 2048 px", 0: "At the vertices"}
-_FORMATS = (
-    "glb opens in most programs and holds the camera; it, usdz and obj name parts; "
-    "stl and 3mf are for printers, in mm, 3mf with a filament for each part"
-)
+_ROWS: dict[str, tuple[str, Mapping[Any, str], str]] = {
+    "mesh": (
+        "Format",
+        {name: name for name in MESHES},
+        "glb opens in most programs and holds the camera; it, usdz and obj name parts; "
+        "stl and 3mf are for printers, in mm, 3mf with a filament for each part",
+    ),
+    "cells": ("Detail", _CELLS, "Along the object: more are finer, and slower"),
+    "triangles": ("Triangles", _TRIANGLES, "Fewer for games, more for printing"),
+    "texture": (
+        "Colours",
+        _TEXTURES,
+        "An image shows more than vertices, on fewer triangles; a closed surface has its colours at the vertices",
+    ),
+    "picture": ("Format", {name: name for name in IMAGE_FORMATS}, "png loses nothing"),
+    "video": (
+        "Format",
+        {name: video.label for name, video in VIDEOS.items()},
+        "mp4 is the smallest, gif plays everywhere; png frames are a folder of images",
+    ),
+    "unit": (
+        "Dimensions",
+        DIMENSIONS,
+        "Width, depth and height beside the object, as in a furniture catalogue; of a film on its last frame",
+    ),
+}  # labels, choices and tooltips by the settings' fields
 _USES = {
     ".glb": ("Any program###glb", "glb: for Blender, the web and games"),
     ".usdz": ("AR for iPhone###usdz", "usdz: opened on an iPhone, it stands in the room in its true size"),
     ".3mf": ("3D print###3mf", "3mf: in mm, with a filament for each part"),
 }  # formats by their use
-_DIMENSIONS = "Width, depth and height beside the object, as in a furniture catalogue; of a film on its last frame"
 _ROOM = "Phones place the object in the room. Writes a glb beside the page, which Android needs, on a web server"
 _VERSIONS = "One file with all colours of this object: swatches of a page, variants of a glb"
 _SIDE, _LABEL, _WIDTH = 16, 6.5, 13  # em: side of the preview, widths of labels and of controls
@@ -105,7 +127,7 @@ class ShareDialog:
         if changed.kind == "page":
             for line in _ON_A_PAGE:
                 imgui.text(line)
-            changed = _draw_switches(context, _draw_dimensions(changed))
+            changed = _draw_switches(context, _row(changed, "unit"))
         else:
             changed = self._draw_choices(context, changed)
         imgui.end_group()
@@ -173,7 +195,7 @@ def _on_background(image: Image, background: Background | None) -> np.ndarray:
 def _draw_kinds(kind: str) -> str:
     """Draw the choice between a page, a film, a picture and an object; return the kind of file."""
     film = kind if kind in FILMS else next(iter(FILMS))
-    toggles = {"page": _TOGGLES["page"], film: _FILM, "picture": _TOGGLES["picture"], "mesh": _TOGGLES["mesh"]}
+    toggles = {film if name == "film" else name: words for name, words in _TOGGLES.items()}
     width = min(7.2, (imgui.get_main_viewport().work_size.x / hello_imgui.em_size() - 3) / len(toggles))
     return _draw_toggles(kind, toggles, width)
 
@@ -236,10 +258,6 @@ def _sources(shares: tuple[float, float] | None) -> str:
     return f"{photo:.0%} as in the photo, {mirrored:.0%} mirrored, {1 - photo - mirrored:.0%} guessed"
 
 
-def _draw_dimensions(settings: ShareSettings) -> ShareSettings:
-    return _row(settings, "unit", "Dimensions", DIMENSIONS, _DIMENSIONS)
-
-
 def _draw_switches(context: PanelContext, settings: ShareSettings) -> ShareSettings:
     """Draw the switches of further contents of a page or a mesh; return the changed settings."""
     if settings.kind == "page":
@@ -255,34 +273,17 @@ def _draw_switches(context: PanelContext, settings: ShareSettings) -> ShareSetti
 def _draw_form(settings: ShareSettings, instance: Instance) -> ShareSettings:
     """Draw the further choices for a kind of file, a line each; return the changed settings."""
     if settings.kind == "mesh":
-        settings = _row(settings, "mesh", "Format", {name: name for name in MESHES}, _FORMATS)
-        settings = _row(settings, "cells", "Detail", _CELLS, "Along the object: more are finer, and slower")
-        settings = _row(settings, "triangles", "Triangles", _TRIANGLES, "Fewer for games, more for printing")
-        return _draw_mesh(settings, instance)
-    if settings.kind == "picture":
-        settings = _row(settings, "picture", "Format", {name: name for name in IMAGE_FORMATS}, "png loses nothing")
-    else:
-        text = "mp4 is the smallest, gif plays everywhere; png frames are a folder of images"
-        formats = {name: video.label for name, video in VIDEOS.items()}
-        settings = _row(settings, "video", "Format", formats, text)
-    return _draw_background(_draw_dimensions(settings))
-
-
-def _draw_mesh(settings: ShareSettings, instance: Instance) -> ShareSettings:
-    """Draw the choices of a mesh's colours."""
-    if settings.mesh in TEXTURED:
-        text = "An image shows more than vertices, on fewer triangles; a closed surface has its colours at the vertices"
-        settings = _row(settings, "texture", "Colours", _TEXTURES, text)
-    _draw_print_limit(settings, instance)
-    return settings
-
-
-def _draw_print_limit(settings: ShareSettings, instance: Instance) -> None:
-    """Tell that a file for printers holds an object larger than they build."""
-    if settings.mesh in PRINTED:
-        metres = settings.mesh_settings(instance).metres or max(size_of(instance)) / 100
-        if metres > LARGEST_PRINT:
-            imgui.text_disabled("Larger than any printer builds")
+        for name in ("mesh", "cells", "triangles"):
+            settings = _row(settings, name)
+        if settings.mesh in TEXTURED:
+            settings = _row(settings, "texture")
+        if settings.mesh in PRINTED:
+            metres = settings.mesh_settings(instance).metres or max(size_of(instance)) / 100
+            if metres > LARGEST_PRINT:
+                imgui.text_disabled("Larger than any printer builds")
+        return settings
+    settings = _row(settings, "picture" if settings.kind == "picture" else "video")
+    return _draw_background(_row(settings, "unit"))
 
 
 def _draw_background(settings: ShareSettings) -> ShareSettings:
@@ -303,8 +304,9 @@ def _draw_background(settings: ShareSettings) -> ShareSettings:
     return settings
 
 
-def _row(settings: ShareSettings, name: str, label: str, choices: Mapping[Any, str], text: str) -> ShareSettings:
+def _row(settings: ShareSettings, name: str) -> ShareSettings:
     """Draw the choices of one setting, by its field's name."""
+    label, choices, text = _ROWS[name]
     _label(label)
     return replace(settings, **{name: choose(name, getattr(settings, name), choices, text, _WIDTH)})
 
