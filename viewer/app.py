@@ -19,9 +19,9 @@ from viewer.panels.messages import MessageLine
 from viewer.panels.segmenting import SegmentingDialog
 from viewer.panels.share import ShareDialog
 from viewer.screen import fonts, theme, window
-from viewer.screen.baked_canvas import BakedCanvas, is_fast
 from viewer.screen.canvas import Canvas, Images
 from viewer.screen.file_dialog import FileDialog
+from viewer.screen.opengl_speed import is_fast
 from viewer.services.clipboard import Clipboard
 from viewer.services.messages import error_text
 from viewer.services.single_instance import SingleInstance, Start
@@ -256,7 +256,6 @@ class App:
         self._software = window.in_software(self._gl)
         self.context.canvas = Canvas(self._gl)
         self.context.images = Images(self._gl)
-        self.context.baked_canvas = BakedCanvas(self._gl)
         # OpenGL in software shares the processor with the network, and takes seconds to say how slow it is.
         self.context.fast_opengl = not self._software and is_fast(self._gl)
         # imgui logs errors in a panel instead of ending the program.
@@ -300,9 +299,8 @@ class App:
             hello_imgui.save_user_pref("width", f"{self._width:.0f}")
         window.hide()  # all is saved; nobody has to look at the window until the worker's step ends
         self.session.jobs.worker.close()
-        assert self.context.canvas and self.context.images and self.context.baked_canvas
+        assert self.context.canvas and self.context.images
         self.context.canvas.release()
-        self.context.baked_canvas.release()
         self.context.images.release()
 
     def _before_frame(self) -> None:

@@ -13,7 +13,6 @@ from core.detail.progressive import Frame
 from core.models.scene import embedded_scene
 from core.photos.clip import VIDEO_SUFFIXES
 from core.photos.decode import IMAGE_SUFFIXES, image_files
-from viewer.screen.baked_canvas import BakedCanvas
 from viewer.screen.canvas import Canvas, Images
 from viewer.screen.file_dialog import FileDialog, FileRequest, is_there
 from viewer.screen.theme import DARK, LIGHT, Palette
@@ -50,7 +49,6 @@ class PanelContext:
     help_open: bool = False
     share_open: bool = False
     canvas: Canvas | None = None
-    baked_canvas: BakedCanvas | None = None
     fast_opengl: bool = False  # OpenGL is fast enough for a baked object, measured at start
     images: Images | None = None
     bold: imgui.ImFont | None = None  # for headings

@@ -168,9 +168,9 @@ class ViewPanel(Panel):
 def _texture(context: PanelContext, pixels: tuple[int, int], ring: tuple[float, ...]) -> imgui.ImTextureRef:
     """Return the texture of the baked object if OpenGL draws it now, else of the newest frame."""
     viewport = context.session.viewport
-    assert context.canvas and context.baked_canvas and viewport.full_frame
+    assert context.canvas and viewport.full_frame
     if viewport.baked_frame and viewport.baked:
-        return context.baked_canvas.draw(viewport.baked, viewport.baked_frame, context.palette, ring)
+        return context.canvas.draw_baked(viewport.baked, viewport.baked_frame, context.palette, ring)
     frame, crop = viewport.full_frame
     mode = viewport.settings.mode
     displayed = _in_mode(viewport.repainted or frame, crop, mode)

@@ -1,4 +1,4 @@
-"""Textures of arrays: the scene's frame on the view's background, and small images."""
+"""Textures: the object on the view's background, from a frame or baked, and small images."""
 
 import math
 from collections.abc import Iterator
@@ -8,9 +8,12 @@ from typing import Any
 import moderngl
 import numpy as np
 from imgui_bundle import imgui
+from jaxtyping import UInt8
 
 from core.detail.progressive import Frame
 from core.gl.background import GLSL
+from core.gl.baked_field import BakedField
+from core.gl.baked_shader import BakedShader
 from core.gl.ground_shader import GroundShader
 from core.rendering.ground_shadow import GroundShadow
 from viewer.activities.thumbnails import pixels_of
@@ -18,7 +21,7 @@ from viewer.screen.theme import Palette, mixed
 from viewer.values.orbit import PanelCrop
 
 _SPARE = 2_000_000  # px of unused textures that are kept
-SCREEN = """
+_SCREEN = """
 #version 330
 out vec2 uv;
 void main() {
@@ -85,45 +88,38 @@ class Target:
                 resource.release()
 
 
-class Backdrop:
-    """The theme's background behind the object, and the shadow on the ground."""
-
-    def __init__(self, context: moderngl.Context) -> None:
-        self._program = context.program(vertex_shader=SCREEN, fragment_shader=_BACKGROUND)
-        self._pass = context.vertex_array(self._program, [])
-        self._ground = GroundShader(context)
-
-    def draw(
-        self, palette: Palette, shadow: GroundShadow | None, crop: PanelCrop, ring: tuple[float, ...] = ()
-    ) -> None:
-        """Fill the current framebuffer, of any resolution, with the background, shadow and ring in a crop."""
-        self._program["top"], self._program["bottom"] = palette.background
-        self._pass.render(moderngl.TRIANGLES, vertices=3)
-        if shadow:
-            self.cast(shadow, crop, ring)
-
-    def cast(self, shadow: GroundShadow, crop: PanelCrop, ring: tuple[float, ...]) -> None:
-        """Draw the shadow of a crop, and the ring of photos, on the ground within the current viewport."""
-        self._ground.draw(shadow, crop.camera, (crop.width, crop.height), (crop.left, crop.top), ring)
-
-    def release(self) -> None:
-        """Release the GL objects."""
-        self._ground.release()
-        self._pass.release()
-        self._program.release()
-
-
 class Canvas:
-    """The newest frame, scaled to the view, with the view's background in place of white."""
+    """The object, scaled to the view, with the theme's background, a shadow on the ground, and the ring of photos."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._target = Target(context)
-        self._backdrop = Backdrop(context)
-        self._program = context.program(vertex_shader=SCREEN, fragment_shader=_FRAGMENT)
+        self._background = context.program(vertex_shader=_SCREEN, fragment_shader=_BACKGROUND)
+        self._background_pass = context.vertex_array(self._background, [])
+        self._ground = GroundShader(context)
+        self._program = context.program(vertex_shader=_SCREEN, fragment_shader=_FRAGMENT)
         self._pass = context.vertex_array(self._program, [])
         self._image: moderngl.Texture | None = None
+        self._baked = BakedShader(context)
         self._inputs: tuple[Any, ...] = ()  # of the drawn texture
+
+    def draw_baked(
+        self, baked: BakedField, crop: PanelCrop, palette: Palette, ring: tuple[float, ...] = ()
+    ) -> imgui.ImTextureRef:
+        """Return a texture of the crop's size with a baked object, redrawn only after a change.
+
+        Args:
+            ring: azimuths of photos, see :class:`core.gl.ground_shader.GroundShader`.
+        """
+        if (baked, crop, palette, ring) != self._inputs:
+            size = crop.width, crop.height
+            with self._target.of_size(size):
+                self._fill(palette)
+                self._cast(baked.shadow, crop, ring)
+                self._baked.upload(baked)
+                self._baked.draw(crop.camera, size, (crop.left, crop.top))
+            self._inputs = baked, crop, palette, ring
+        return imgui.ImTextureRef(self._target.texture.glo)
 
     def draw(
         self,
@@ -139,25 +135,40 @@ class Canvas:
         Args:
             size: width and height of the texture, px.
             shadow: draw the frame's shadow on the ground, if the frame has one.
-            ring: azimuths of photos, see :class:`core.gl.ground_shader.GroundShader`.
+            ring: azimuths of photos, see :meth:`draw_baked`.
         """
         inputs = (frame, crop, size, palette, shadow, ring)
         if inputs != self._inputs:
             self._upload(frame)
             with self._target.of_size(size):
-                self._backdrop.draw(palette, None, crop)
+                self._fill(palette)
                 self._context.viewport = within(size, (crop.width, crop.height))
-                if shadow and frame.shadow:
-                    self._backdrop.cast(frame.shadow, crop, ring)
-                self._fill()
+                self._cast(frame.shadow if shadow else None, crop, ring)
+                self._draw_image()
             self._inputs = inputs
         return imgui.ImTextureRef(self._target.texture.glo)
 
+    def pixels(self) -> UInt8[np.ndarray, "height width 3"]:
+        """Return the last image; call after :meth:`draw` or :meth:`draw_baked`."""
+        texture = self._target.texture
+        return np.frombuffer(texture.read(), np.uint8).reshape(*texture.size[::-1], 4)[..., :3]
+
     def release(self) -> None:
         """Release the GL objects."""
-        for resource in (self._image, self._target, self._backdrop, self._pass, self._program):
+        background = self._background_pass, self._background, self._ground
+        for resource in (self._image, self._target, self._pass, self._program, self._baked, *background):
             if resource is not None:
                 resource.release()
+
+    def _fill(self, palette: Palette) -> None:
+        """Fill the current framebuffer with the theme's background."""
+        self._background["top"], self._background["bottom"] = palette.background
+        self._background_pass.render(moderngl.TRIANGLES, vertices=3)
+
+    def _cast(self, shadow: GroundShadow | None, crop: PanelCrop, ring: tuple[float, ...]) -> None:
+        """Draw the shadow of a crop, if any, with the ring of photos, on the ground within the current viewport."""
+        if shadow:
+            self._ground.draw(shadow, crop.camera, (crop.width, crop.height), (crop.left, crop.top), ring)
 
     def _upload(self, frame: Frame) -> None:
         rgba = pixels_of(frame)
@@ -168,7 +179,7 @@ class Canvas:
             self._image.repeat_x = self._image.repeat_y = False
         self._image.write(rgba.tobytes())
 
-    def _fill(self) -> None:
+    def _draw_image(self) -> None:
         assert self._image is not None
         self._image.use(0)
         self._context.enable_only(moderngl.BLEND)

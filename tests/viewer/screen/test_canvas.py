@@ -13,7 +13,8 @@ from core.rendering.reference import render_exact
 from tests.conftest import random_model
 from tests.core.baked_reference import render_baked
 from tests.core.tiny import tiny_model
-from viewer.screen.baked_canvas import BakedCanvas, is_fast
+from viewer.screen.canvas import Canvas
+from viewer.screen.opengl_speed import is_fast
 from viewer.screen.theme import DARK, LIGHT, Palette
 from viewer.values.orbit import PanelCrop, fit_to_panel
 
@@ -31,8 +32,8 @@ def baked(stool: Model) -> tuple[BakedField, ...]:
 
 
 def drawn(gl: moderngl.Context, baked: BakedField, crop: PanelCrop, palette: Palette = WHITE) -> np.ndarray:
-    canvas = BakedCanvas(gl)
-    canvas.draw(replace(baked, shadow=None), crop, palette)
+    canvas = Canvas(gl)
+    canvas.draw_baked(replace(baked, shadow=None), crop, palette)
     picture = canvas.pixels() / 255
     canvas.release()
     return picture
@@ -62,10 +63,10 @@ def test_any_object_is_drawn_on_the_views_background(gl: moderngl.Context, baked
     image = drawn(gl, baked[0], crop, DARK)
     np.testing.assert_allclose(image[0, 0], DARK.background[0], atol=0.01)
     np.testing.assert_allclose(image[-1, -1], DARK.background[1], atol=0.01)
-    canvas = BakedCanvas(gl)
+    canvas = Canvas(gl)
     for field, azimuth in ((baked[1], 0.0), (baked[1], 1.0), (baked[0], 1.0), (baked[1], 0.0)):
         crop = fit_to_panel(stool.camera(azimuth, 0.4), 60, 60, 60)
-        canvas.draw(replace(field, shadow=None), crop, WHITE)
+        canvas.draw_baked(replace(field, shadow=None), crop, WHITE)
         assert psnr(canvas.pixels() / 255, render_baked(field, crop.camera).colour.numpy()) > 42
     canvas.release()
 
@@ -77,17 +78,3 @@ def test_rays_through_corners_stay_there_and_speed_is_measured(gl: moderngl.Cont
     assert psnr(drawn(gl, field, crop), render_baked(field, crop.camera).colour.numpy()) > 40
     assert is_fast(gl, math.inf)
     assert not is_fast(gl, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("milliseconds", "fast", "pictures"),
-    [((900, 10), True, 2), ((10, 200, 10), True, 3), ((10, 200, 300), False, 3), ((10, 200, 50, 40), False, 4)],
-)
-def test_other_programs_may_hold_opengl_up(
-    gl: moderngl.Context, monkeypatch: pytest.MonkeyPatch, milliseconds: tuple[int, ...], fast: bool, pictures: int
-) -> None:
-    readings = [reading for duration in milliseconds for reading in (0.0, duration / 1000)]
-    clock = iter(readings)
-    monkeypatch.setattr("viewer.screen.baked_canvas.time.perf_counter", lambda: next(clock))
-    assert is_fast(gl) == fast
-    assert len(readings) - len(list(clock)) == 2 * pictures
