@@ -43,7 +43,7 @@ class MixPanel(Panel):
             imgui.invisible_button("mix pad", (side, side))
             under = imgui.get_mouse_pos() - corner
             if imgui.is_item_active():
-                right, up = (_within((px - cell / 2) / (side - cell)) for px in (under.x, side - under.y))
+                right, up = (min(1.0, max(0.0, (px - cell / 2) / (side - cell))) for px in (under.x, side - under.y))
                 editor.mix_both(right, up, gesture="mix pad")
             end_gesture(context)
             over = (int(under.x / cell), int((side - under.y) / cell)) if imgui.is_item_hovered() else None
@@ -64,7 +64,11 @@ class MixPanel(Panel):
 
     def _paint_previews(self, context: PanelContext, corner: ImVec2, side: float, over: tuple[int, int] | None) -> None:
         """Draw the previews of the mixes; the one at ``over`` (column and row) is outlined."""
-        self._follow(context)
+        editor = context.session.editor
+        ends = editor.mix_ends
+        if ends != self._ends and not editor.history.gesture:
+            self._ends = ends
+            self._previews = mixes(*ends)
         cell = side / STEPS
         last = STEPS - 1
         object_tiles.shade(corner, side, context.palette.raised)
@@ -76,14 +80,6 @@ class MixPanel(Panel):
                 object_tiles.outline(low, cell, context.palette.accent)
         object_tiles.mark(corner + ImVec2(0, last) * cell, "A", context.palette.accent)
         object_tiles.mark(corner + ImVec2(last, 0) * cell, "B", WARM)
-
-    def _follow(self, context: PanelContext) -> None:
-        """Update the previews when A, B or a lock changes."""
-        editor = context.session.editor
-        ends = editor.mix_ends
-        if ends != self._ends and not editor.history.gesture:
-            self._ends = ends
-            self._previews = mixes(*ends)
 
 
 def _draw_b(context: PanelContext) -> None:
@@ -119,7 +115,3 @@ def _paint_dot(context: PanelContext, corner: ImVec2, side: float) -> None:
     draw.add_line((corner.x, dot.y), (corner.x + side, dot.y), line)
     draw.add_circle_filled(dot, 0.55 * em, packed(ON_PLATE))
     draw.add_circle_filled(dot, 0.42 * em, packed(accent))
-
-
-def _within(amount: float) -> float:
-    return min(1.0, max(0.0, amount))

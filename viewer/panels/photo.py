@@ -16,13 +16,7 @@ from viewer.values.fit_history import FitHistory
 from viewer.values.printable import as_label
 from viewer.widgets import user_objects, waiting_tiles
 from viewer.widgets.comparison import object_pixels
-from viewer.widgets.controls import (
-    button,
-    end_gesture,
-    flow,
-    labelled_slider,
-    tooltip,
-)
+from viewer.widgets.controls import button, end_gesture, flow, labelled_slider, tooltip
 from viewer.widgets.cut_out import draw_cut_out
 from viewer.widgets.paint import draw_paint
 from viewer.widgets.photo_strip import draw_strip, draw_unseen_side
@@ -33,10 +27,7 @@ from viewer.widgets.welcome import draw_samples, nouns
 _AGAIN = f"Try again  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
 _TOOLS = {
     "wipe": ("Compare", "Drag in the view: the photo on the left, the render on the right"),
-    "erase": (
-        "Erase",
-        "Drag over a reflection, say, to take it off the object; the wheel sets the size of the brush",
-    ),
+    "erase": ("Erase", "Drag over a reflection, say, to take it off the object; the wheel sets the brush's size"),
 }  # labels and tooltips of tools over the view
 _LOST_HELP = "Open the photo again to fit it anew"
 _VIEWPOINT_HELP = (

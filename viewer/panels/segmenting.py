@@ -13,12 +13,11 @@ from viewer.widgets.controls import button, labelled_slider, tooltip
 
 _TITLE = "Cut out###segment"
 _MAX_ZOOM = 8.0  # largest zoom factor
-_TOOLS = ("Box", "Add", "Remove")
-_TIPS = (
-    "Click on the object (Shift: and on more of it), or drag a box around all of it",
-    "Paint over what belongs to the object and was left out",
-    "Paint over what does not belong to the object",
-)
+_TOOLS = {
+    "Box": "Click on the object (Shift: and on more of it), or drag a box around all of it",
+    "Add": "Paint over what belongs to the object and was left out",
+    "Remove": "Paint over what does not belong to the object",
+}  # tooltips of tools
 _COLUMN = 14.5  # em, width of the column of tools
 _LEAST = 0.01  # least side of a box as a fraction of the photo's: a smaller drag is a slip
 
@@ -32,7 +31,7 @@ class SegmentingDialog:
         self._before = Hints()  # hints at the start of the current drag
         self._start = (0.0, 0.0)  # start of the drag, fractions of the photo's width and height
         self._zoom = 1.0
-        self._left, self._top = 0.0, 0.0  # fractions of the photo beyond the left and upper edge
+        self._offset = ImVec2(0, 0)  # fractions of the photo beyond the left and upper edge
         self._line: tuple[tuple[float, float], ...] = ()  # points of the current stroke, fractions
 
     def draw(self, context: PanelContext) -> None:
@@ -105,16 +104,13 @@ class SegmentingDialog:
             mouse = (imgui.get_mouse_pos() - corner) / size
             previous = self._zoom
             self._zoom = max(1.0, min(_MAX_ZOOM, self._zoom * 1.2**io.mouse_wheel))
-            self._left += mouse.x * (1 / previous - 1 / self._zoom)
-            self._top += mouse.y * (1 / previous - 1 / self._zoom)
+            self._offset += mouse * (1 / previous - 1 / self._zoom)
         if imgui.is_item_hovered() and imgui.is_mouse_down(imgui.MouseButton_.middle):
-            self._left -= io.mouse_delta.x / (size.x * self._zoom)
-            self._top -= io.mouse_delta.y / (size.y * self._zoom)
+            self._offset -= io.mouse_delta / (size * self._zoom)
         limit = 1 - 1 / self._zoom
-        self._left = max(0.0, min(limit, self._left))
-        self._top = max(0.0, min(limit, self._top))
+        self._offset = imgui.internal.im_clamp(self._offset, ImVec2(0, 0), ImVec2(limit, limit))
         extent = size * self._zoom
-        return corner - extent * ImVec2(self._left, self._top), extent
+        return corner - extent * self._offset, extent
 
     def _react(self, segmenting: Segmenting, corner: ImVec2, size: ImVec2) -> None:
         """Change the hints: a drag makes a box or a stroke, a click a point."""
@@ -140,16 +136,15 @@ class SegmentingDialog:
             segmenting.set_hints(replace(self._before, strokes=(*self._before.strokes, stroke)))
 
     def _draw_tools(self, segmenting: Segmenting) -> None:
-        for number, (tool, text) in enumerate(zip(_TOOLS, _TIPS, strict=True)):
+        for number, (tool, text) in enumerate(_TOOLS.items()):
             if number:
                 imgui.same_line(0, 0.3 * hello_imgui.em_size())
             if imgui.radio_button(tool, self._tool == tool):
                 self._tool = tool
             tooltip(text)
         self._brush = labelled_slider("brush", "Brush", self._brush, (0.005, 0.15), f"{self._brush:.1%}")[1]
-        if button("Undo###undo hints", "Take the last of these back (Ctrl+Z)"):
-            segmenting.undo()
-        if is_pressed(chord(imgui.Key.mod_ctrl, imgui.Key.z)):
+        is_undone = button("Undo###undo hints", "Take the last of these back (Ctrl+Z)")
+        if is_undone or is_pressed(chord(imgui.Key.mod_ctrl, imgui.Key.z)):
             segmenting.undo()
         if not segmenting.settled:
             problem = segmenting.problem

@@ -146,7 +146,8 @@ def _draw_length(context: PanelContext, name: str, length: float) -> None:
     """Draw a field for a length in cm; 0 is not known, and cannot be changed."""
     category = context.session.editor.model.category
     title = _TITLES.get((category, name), name.capitalize())
-    text = f"{title} {_format(length)} cm" if length else title
+    decimals = 1 if length < _FINE else 0
+    text = f"{title} %.{decimals}f cm" if length else title
     moved, to = imgui.drag_float(f"##{title}", length, max(0.01, _SPEED * length / 100), 0.0, 0.0, text)
     if moved and length and to > 0 and abs(to - length) > 1e-6:
         context.session.reshaping.resize(name, to)
@@ -154,10 +155,6 @@ def _draw_length(context: PanelContext, name: str, length: float) -> None:
     if imgui.is_item_hovered() or imgui.is_item_active():
         context.hints.shows_size = True
     tooltip(f"{title} in cm: drag, or click to type")
-
-
-def _format(length: float) -> str:
-    return f"%.{1 if length < _FINE else 0}f"
 
 
 def _preview(

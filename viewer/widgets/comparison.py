@@ -51,13 +51,10 @@ def photo_place(context: PanelContext, corner: ImVec2, size: ImVec2) -> tuple[Ph
     return (view, corner + ImVec2(*box[:2]), corner + ImVec2(*box[2:])) if box else None
 
 
-@lru_cache(maxsize=4)
-def photo_pixels(file: bytes) -> UInt8[np.ndarray, "height width 4"]:
-    """Return the pixels of a photo's file; cached, so that the same file keeps its texture."""
-    return decompressed(file)
+photo_pixels = lru_cache(4)(decompressed)  # the same array for the same file, so that the file keeps its texture
 
 
-@lru_cache(maxsize=4)
+@lru_cache(4)
 def object_pixels(file: bytes) -> UInt8[np.ndarray, "height width 4"]:
     """Return the pixels of the object in a photo's file, the same array for the same file."""
     pixels = photo_pixels(file)
