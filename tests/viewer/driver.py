@@ -103,6 +103,8 @@ class Driver:
         self.ctx = ctx
         self.folder = folder
         self.session = app.session
+        self.editor = app.session.editor
+        self.fitting = app.session.fitting
         self.context = app.context
         self._colours_pixels = False
         self._leave_pixels_out()

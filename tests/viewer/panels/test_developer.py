@@ -25,19 +25,17 @@ def test_candidates_are_shown_and_one_is_preferred(drive: Drive, backend: Backen
                 yield step
 
     def act(window: Driver) -> None:
-        editor = window.session.editor
-        fitting = window.session.fitting
         window.fit(photo)
         window.context.drop([str(photo)])
-        window.wait(lambda: fitting.running and bool(fitting.history.steps))
-        third = fitting.history.last.hypotheses[2]
+        window.wait(lambda: window.fitting.running and bool(window.fitting.history.steps))
+        third = window.fitting.history.last.hypotheses[2]
         window.show("Developer")
         window.click("Developer/**/candidate 3")
-        window.wait(lambda: fitting.running and fitting.history.last.hypotheses[0].origin == third.origin)
-        assert fitting.history.last.cameras[0].azimuth == third.cameras[0].azimuth
+        window.wait(lambda: window.fitting.running and window.fitting.history.last.hypotheses[0].origin == third.origin)
+        assert window.fitting.history.last.cameras[0].azimuth == third.cameras[0].azimuth
         window.show("Photo")
         window.click("Photo/###stop fit")
-        assert editor.scene.camera.azimuth == third.cameras[0].azimuth
+        assert window.editor.scene.camera.azimuth == third.cameras[0].azimuth
         window.wait()
         assert window.exists("Library/**/show block")
         window.show("Developer")
@@ -48,9 +46,8 @@ def test_candidates_are_shown_and_one_is_preferred(drive: Drive, backend: Backen
 
 @in_window(fixture="real_backend")
 def test_numbers_describe_the_frame_on_screen(window: Driver) -> None:
-    session = window.session
     window.show("Developer")
     window.click("Developer/##mode")
     window.click("**/Opacity")
-    window.wait(lambda: session.viewport.frame.final and not session.jobs.busy("view"))
-    assert session.messages.errors == []
+    window.wait(lambda: window.session.viewport.frame.final and not window.session.jobs.busy("view"))
+    assert window.session.messages.errors == []

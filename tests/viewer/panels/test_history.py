@@ -8,78 +8,74 @@ from viewer.values.state import State
 
 @in_window()
 def test_a_click_in_the_history_brings_an_edit_back_and_each_object_has_one_tile(window: Driver) -> None:
-    editor = window.session.editor
-    first = editor.state
+    first = window.editor.state
     assert not window.exists("History/state 1")  # nothing was edited
     for step in (1, 2, 3):
         window.drag("View/orbit", 60)
-        moved = editor.state
+        moved = window.editor.state
         window.click(f"Library/**/show object {step + 2}")
-    last = editor.state
-    assert len(editor.history.past) == 6  # undo has the moves too
-    editor.mix_both(0.5, 0.5)
-    mixed = editor.state
+    last = window.editor.state
+    assert len(window.editor.history.past) == 6  # undo has the moves too
+    window.editor.mix_both(0.5, 0.5)
+    mixed = window.editor.state
     window.wait()
     assert window.exists("History/state 5") and not window.exists("History/state 6")
     window.click("History/state 3")
-    assert editor.state == moved
+    assert window.editor.state == moved
     assert window.exists("History/state 4") and not window.exists("History/state 5")  # the last object is folded
     window.click("History/state 1")
-    assert editor.scene.instance == first.scene.instance
+    assert window.editor.scene.instance == first.scene.instance
     window.click("History/state 4")
-    assert editor.state == mixed
+    assert window.editor.state == mixed
     window.press(imgui.Key.mod_ctrl, imgui.Key.z)
-    assert editor.scene == last.scene
+    assert window.editor.scene == last.scene
 
 
 @in_window()
 def test_turning_the_view_at_an_earlier_state_keeps_the_later_ones(window: Driver) -> None:
-    editor = window.session.editor
     for number in (2, 3, 4):
         window.click(f"Library/**/show object {number}")
     window.wait()
-    last = editor.state
+    last = window.editor.state
     window.click("History/state 2")
-    earlier = editor.state
+    earlier = window.editor.state
     for _ in range(2):
         window.drag("View/orbit", 30)
-    turned = editor.state
+    turned = window.editor.state
     assert turned.scene.camera != earlier.scene.camera and turned.scene.instance == earlier.scene.instance
     assert window.exists("History/state 4") and not window.exists("History/branch 1")
     for _ in range(2):
         window.redo()
-    assert editor.state == last
+    assert window.editor.state == last
     for _ in range(3):
         window.undo()
-    assert editor.state == earlier
+    assert window.editor.state == earlier
     window.click("History/state 4")
-    assert editor.state == last
+    assert window.editor.state == last
 
 
 def test_an_edit_of_an_earlier_state_leaves_a_branch_that_is_saved_and_one_click_away(
     drive: Drive, tmp_path: Path
 ) -> None:
     def first(window: Driver) -> None:
-        editor = window.session.editor
         for number in (2, 3, 4):
             window.click(f"Library/**/show object {number}")
         window.wait()
-        made.append(editor.state)
+        made.append(window.editor.state)
         window.click("History/state 2")
         window.press(imgui.Key.r)
-        made.append(editor.state)
+        made.append(window.editor.state)
         assert not window.exists("History/state 4")
         window.session.save_project(tmp_path / "a.codenerf")
         look(window)
 
     def look(window: Driver) -> None:
-        editor = window.session.editor
-        assert editor.state == made[1]
+        assert window.editor.state == made[1]
         window.click("History/branch 1")
-        assert editor.state == made[0]
+        assert window.editor.state == made[0]
         assert window.exists("History/state 4")
         window.click("History/branch 1")  # now that of the other one
-        assert editor.state == made[1]
+        assert window.editor.state == made[1]
 
     def second(window: Driver) -> None:
         look(window)

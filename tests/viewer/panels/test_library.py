@@ -41,10 +41,9 @@ def test_forty_photos_are_fitted_one_after_the_other(drive: Drive, backend: Back
         return window.ctx.item_info(f"//{name}").rect_full.min.y
 
     def act(window: Driver) -> None:
-        fitting = window.session.fitting
         window.context.drop([*map(str, paths)])
-        window.wait(lambda: bool(fitting.history.steps) and fitting.history.photo is not None)
-        assert len(fitting.waiting.requests) == 39
+        window.wait(lambda: bool(window.fitting.history.steps) and window.fitting.history.photo is not None)
+        assert len(window.fitting.waiting.requests) == 39
         rows = [top(window, f"Library/**/waits block {number:02d}.png") for number in range(16)]  # in sight
         assert rows == sorted(rows)
         assert len(set(rows)) == 8  # of two columns
@@ -54,9 +53,9 @@ def test_forty_photos_are_fitted_one_after_the_other(drive: Drive, backend: Back
         window.wait(lambda: window.exists("Photo/**/###point at it"))
         assert top(window, "Photo/**/###point at it") < 800  # the photo is in sight
         fit.may_end.set()
-        window.wait(lambda: not fitting.running and not fitting.waiting.requests)
+        window.wait(lambda: not window.fitting.running and not window.fitting.waiting.requests)
         assert window.session.editor.objects.own == [path.stem for path in reversed(paths)]
-        assert not fitting.pending
+        assert not window.fitting.pending
         assert not window.session.jobs.messages.errors
 
     drive(act, replace(backend, fit=fit))
@@ -72,12 +71,11 @@ def test_what_was_fitted_is_mine(window: Driver, photo: Path) -> None:
     second = photo.with_name("block two.png")
     second.write_bytes(photo.read_bytes())
     window.fit(second)
-    fitting = window.session.fitting
-    assert fitting.history.photo.source.path == second
+    assert window.fitting.history.photo.source.path == second
     window.click("Library/**/show block")  # the photo panel follows
-    assert fitting.history.photo.source.path == photo
+    assert window.fitting.history.photo.source.path == photo
     window.click("Library/**/show block two")
-    assert fitting.history.photo.source.path == second
+    assert window.fitting.history.photo.source.path == second
     window.click("Library/**/show object 3")
     window.click("Library/**/show block")
     assert window.session.editor.state.mix.a == ("block", "block")
@@ -112,36 +110,33 @@ def test_photos_under_way_are_tiles_that_can_be_stopped_or_removed(drive: Drive,
 
 @in_window(fixture="both")
 def test_chairs_and_cars_are_one_library(window: Driver) -> None:
-    session = window.session
-    editor = window.session.editor
-    cars, chairs = session.models
+    cars, chairs = window.session.models
     window.click("Library/**/show car 2")
-    assert editor.model is cars and editor.state.mix.b.startswith("car")
+    assert window.editor.model is cars and window.editor.state.mix.b.startswith("car")
     window.click(f"Library/###{chairs.fingerprint}")
     assert not window.exists("Library/**/show car 2")
     window.drop("Library/**/show object 3", "Mix/slot B")
-    assert editor.model is cars
-    assert session.messages.newest.text == "A chair cannot be mixed with a car: show it to begin with it"
+    assert window.editor.model is cars
+    assert window.session.messages.newest.text == "A chair cannot be mixed with a car: show it to begin with it"
     window.click("##MainMenuBar/##MenuBar/###show")
-    assert editor.model is chairs
+    assert window.editor.model is chairs
     window.click("Library/**/show object 2", 1)
     window.click("**/Make it B")
-    assert editor.state.mix.b == "object 2"
+    assert window.editor.state.mix.b == "object 2"
     window.click("Library/###mine")
     assert not window.exists("Library/**/show object 2")
     window.click("Library/###all")
     window.click("Library/**/show car 3", 1)
     window.ctx.item_click("**/Make it B")  # which is greyed
     window.press(imgui.Key.escape)
-    assert editor.state.mix.b == "object 2"
+    assert window.editor.state.mix.b == "object 2"
     for _ in range(3):
         window.undo()
-    assert editor.model is chairs and not editor.history.past
+    assert window.editor.model is chairs and not window.editor.history.past
 
 
 @in_window()
 def test_arrow_keys_go_from_tile_to_tile_with_a_ring_and_enter_shows_one(window: Driver) -> None:
-    editor = window.session.editor
     key = imgui.Key
     window.click("Library/**/show object 2")
     window.press(key.down_arrow)
@@ -149,7 +144,7 @@ def test_arrow_keys_go_from_tile_to_tile_with_a_ring_and_enter_shows_one(window:
     focused = imgui.internal.get_focus_id()
     (name,) = (
         name
-        for name in next(iter(editor.objects.families.values()))
+        for name in next(iter(window.editor.objects.families.values()))
         if window.ctx.item_info(f"//Library/**/show {name}").id_ == focused
     )
     box = window.ctx.item_info(f"//Library/**/show {name}").rect_full
@@ -157,7 +152,7 @@ def test_arrow_keys_go_from_tile_to_tile_with_a_ring_and_enter_shows_one(window:
     ring = np.abs(around / 255 - window.context.palette.accent).max(-1) < 0.02
     assert ring.sum() > box.max.x - box.min.x
     window.press(key.enter)
-    assert name != "object 2" and editor.state.mix.a.shape == name
+    assert name != "object 2" and window.editor.state.mix.a.shape == name
 
 
 @in_window(fixture="both")

@@ -11,23 +11,20 @@ from viewer.panels.menu import MENUS
 
 @in_window()
 def test_files_opened_lately_are_in_the_menu(window: Driver, photo: Path, tmp_path: Path) -> None:
-    session = window.session
-    editor = window.session.editor
     window.drag("View/orbit", 80)
-    scene = editor.scene
-    session.editor.scene.save(tmp_path / "mine.json")
+    scene = window.editor.scene
+    window.session.editor.scene.save(tmp_path / "mine.json")
     window.context.drop([str(tmp_path / "mine.json")])
     window.context.drop([str(photo)])
-    window.wait(lambda: not session.fitting.running)
+    window.wait(lambda: not window.session.fitting.running)
     window.wait()
     assert [Path(name).name for name in window.context.preferences.recent] == ["block.png", "mine.json"]
     window.menu("File/Recent/###recent 2")
-    assert editor.scene == scene
+    assert window.editor.scene == scene
 
 
 @in_window()
 def test_menus_help_and_theme(window: Driver) -> None:
-    editor = window.session.editor
     ctx = window.ctx
     context = window.context
     window.press(imgui.Key.f1)
@@ -47,7 +44,7 @@ def test_menus_help_and_theme(window: Driver) -> None:
     assert imgui.get_style().window_border_size == 1.0  # floating windows have an edge on light colours
     window.drag("View/orbit", 30)
     window.menu("Edit/###undo")
-    assert not editor.history.past
+    assert not window.editor.history.past
     window.menu("File/###open_scene")
     assert context.files.asking
     ctx.item_click("//Choose a file###ask/Cancel")
@@ -61,7 +58,6 @@ def test_every_action_without_a_key_is_in_a_menu() -> None:
 def test_actions_objects_and_panels_are_found_by_typing(drive: Drive) -> None:
     def act(window: Driver) -> None:
         context = window.context
-        editor = window.session.editor
         key = imgui.Key
         for action in ACTIONS.values():
             if action.enabled(context):
@@ -85,13 +81,13 @@ def test_actions_objects_and_panels_are_found_by_typing(drive: Drive) -> None:
         assert not context.preferences.dark and not context.help_open
         search("object 4")
         window.press(key.enter)
-        assert editor.state.mix.a.shape == "object 4"
+        assert window.editor.state.mix.a.shape == "object 4"
         search("normals")
         window.press(key.enter)
         assert window.session.viewport.settings.mode == "normals"
         search("object")
         window.click("Help/**/###found 1")
-        assert editor.state.mix.a.shape != "object 4" and not context.help_open
+        assert window.editor.state.mix.a.shape != "object 4" and not context.help_open
         search("developer")
         window.press(key.enter)
         window.ctx.yield_(3)
@@ -102,8 +98,6 @@ def test_actions_objects_and_panels_are_found_by_typing(drive: Drive) -> None:
 
 @in_window()
 def test_images_are_pasted(window: Driver, photo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    session = window.session
-    editor = window.session.editor
     held: list[object] = [None, OSError("wl-paste or xclip is required"), [str(photo)]]
 
     def grabbed() -> object:
@@ -115,17 +109,17 @@ def test_images_are_pasted(window: Driver, photo: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr("viewer.services.clipboard.ImageGrab.grabclipboard", grabbed)
     imgui.set_clipboard_text("no file of this name")
     window.press(imgui.Key.mod_ctrl, imgui.Key.v)
-    window.wait(lambda: len(session.messages.errors) == 1)
-    assert "no image" in session.messages.errors[0]
+    window.wait(lambda: len(window.session.messages.errors) == 1)
+    assert "no image" in window.session.messages.errors[0]
     window.press(imgui.Key.mod_ctrl, imgui.Key.v)
-    window.wait(lambda: len(session.messages.errors) == 2)
-    assert "xclip" in session.messages.errors[1]
+    window.wait(lambda: len(window.session.messages.errors) == 2)
+    assert "xclip" in window.session.messages.errors[1]
     window.menu("Edit/###paste")
-    window.wait(lambda: bool(session.fitting.history.steps) and not session.fitting.running)
-    assert editor.objects.own[0] == "block"
+    window.wait(lambda: bool(window.session.fitting.history.steps) and not window.session.fitting.running)
+    assert window.editor.objects.own[0] == "block"
     imgui.set_clipboard_text(photo.as_uri())
     window.press(imgui.Key.mod_ctrl, imgui.Key.v)
-    window.wait(lambda: editor.objects.own[0] == "block (2)")
+    window.wait(lambda: window.editor.objects.own[0] == "block (2)")
 
 
 @in_window()

@@ -8,12 +8,11 @@ from viewer.values.state import Mix
 
 @in_window()
 def test_b_is_chosen_in_the_library_or_dropped(window: Driver) -> None:
-    editor = window.session.editor
     window.click("Library/**/show object 2")
     window.choose("object 4", "Make it B")
-    assert (editor.state.mix.a, editor.state.mix.b) == (("object 2", "object 2"), "object 4")
+    assert (window.editor.state.mix.a, window.editor.state.mix.b) == (("object 2", "object 2"), "object 4")
     window.drop("Library/**/show object 5", "Mix/slot B")
-    assert (editor.state.mix.a, editor.state.mix.b) == (("object 2", "object 2"), "object 5")
+    assert (window.editor.state.mix.a, window.editor.state.mix.b) == (("object 2", "object 2"), "object 5")
 
 
 @in_window()

@@ -41,23 +41,21 @@ def newest_paint(editor: Editor) -> Rgb:
 
 @in_window(fit=detailed_fit)
 def test_photo_and_view_are_compared_from_the_photo_s_camera(window: Driver, photo: Path) -> None:
-    session = window.session
-    editor = window.session.editor
     context = window.context
     window.fit(photo)
-    first, low, high = editor.scene.camera, *context.view
+    first, low, high = window.editor.scene.camera, *context.view
     middle = int((low.y + high.y) / 2), int((low.x + high.x) / 2)
     window.press(imgui.Key._4)
     window.wait()
     assert context.tool == "wipe"
-    assert editor.scene.camera == session.photo_camera != first
-    before = editor.history
+    assert window.editor.scene.camera == window.session.photo_camera != first
+    before = window.editor.history
     window.drag("View/orbit", -400)
     render = window.capture()
     window.drag("View/orbit", 400)
     np.testing.assert_allclose(window.capture()[middle], (200, 30, 30), atol=12)  # the red block
     assert abs(render[middle] - (200, 30, 30)).max() > 30
-    assert editor.history is before
+    assert window.editor.history is before
     window.press(imgui.Key._4)
     assert context.tool == "turn"
     np.testing.assert_allclose(window.capture()[middle], render[middle], atol=3)
@@ -66,60 +64,56 @@ def test_photo_and_view_are_compared_from_the_photo_s_camera(window: Driver, pho
     window.click("Photo/###wipe")
     assert context.tool == "turn"
     window.drag("View/orbit", 100)
-    assert editor.scene.camera != session.photo_camera
+    assert window.editor.scene.camera != window.session.photo_camera
 
 
 @in_window()
 def test_detail_is_erased_on_the_object_with_a_brush_of_any_size(window: Driver, model: Model, tmp_path: Path) -> None:
-    editor = window.session.editor
-    editor.add_and_show(fitted(model), editor.scene.camera)
+    window.editor.add_and_show(fitted(model), window.editor.scene.camera)
     window.show("Photo")
-    before = editor.state
+    before = window.editor.state
 
     def erased() -> tuple[Erasure, ...]:
-        detail = editor.scene.instance.detail
+        detail = window.editor.scene.instance.detail
         return detail.views[0].erased
 
     window.click("Photo/###erase")
     window.wait()
-    assert editor.scene.camera == window.session.photo_camera
-    from_photo = editor.state
+    assert window.editor.scene.camera == window.session.photo_camera
+    from_photo = window.editor.state
     window.drag("View/orbit", 40)
     (stroke,) = erased()
     xs = [x for x, _ in stroke.points]
     assert len(xs) > 1 and xs[-1] > xs[0]
-    assert editor.history.past[-1] == from_photo, "a stroke is one step"
+    assert window.editor.history.past[-1] == from_photo, "a stroke is one step"
     window.ctx.mouse_wheel_y(4.0)
     window.ctx.yield_(2)
     window.drag("View/orbit", 40)
     assert erased()[1].radius > 1.5 * stroke.radius
     window.session.save_project(tmp_path / "a.codenerf")
     again = opened(tmp_path / "a.codenerf", window.session).history.now
-    assert again.scene.instance.detail == editor.scene.instance.detail
+    assert again.scene.instance.detail == window.editor.scene.instance.detail
     for _ in range(3):
         window.undo()
     assert erased() == ()
-    assert editor.state == before
+    assert window.editor.state == before
 
 
 @in_window()
 def test_a_fit_is_begun_again_in_several_ways(window: Driver, photo: Path) -> None:
-    session = window.session
-    editor = window.session.editor
-    fitting = session.fitting
     window.fit(photo)
     window.drag("View/orbit", 150)
-    turned = editor.scene.camera
+    turned = window.editor.scene.camera
     window.click("Photo/###again")
     window.click("**/###resume from view")
-    window.wait(lambda: not fitting.running)
-    assert orbit.same_direction(fitting.view.camera, turned)
-    assert editor.objects.own[:2] == ["block (2)", "block"]
+    window.wait(lambda: not window.fitting.running)
+    assert orbit.same_direction(window.fitting.view.camera, turned)
+    assert window.editor.objects.own[:2] == ["block (2)", "block"]
     window.click("Photo/###again")
     window.click("**/###restart")
-    window.wait(lambda: not fitting.running)
-    assert len(fitting.history.steps) == 10
-    assert not orbit.same_direction(fitting.view.camera, turned)
+    window.wait(lambda: not window.fitting.running)
+    assert len(window.fitting.history.steps) == 10
+    assert not orbit.same_direction(window.fitting.view.camera, turned)
 
 
 @pytest.mark.parametrize("margin", [0.0, 9.0])
@@ -128,26 +122,24 @@ def test_a_doubtful_fit_alone_offers_its_other_viewpoint(drive: Drive, backend: 
         return (replace(step, margin=margin, psnr=40.0) for step in quick_fit(model, job))
 
     def act(window: Driver) -> None:
-        session = window.session
-        editor = window.session.editor
         window.fit(photo)
-        after_fit = editor.state
+        after_fit = window.editor.state
         assert window.exists("Photo/###viewpoint") == (margin == 0.0)
         if margin:
             return
         window.click("Photo/###viewpoint")
-        assert editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
-        assert session.fitting.view.from_runner_up
-        assert editor.scene.instance == after_fit.scene.instance
+        assert window.editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
+        assert window.session.fitting.view.from_runner_up
+        assert window.editor.scene.instance == after_fit.scene.instance
         window.click("Photo/###viewpoint")
-        assert editor.scene.camera.azimuth == pytest.approx(1.0)
+        assert window.editor.scene.camera.azimuth == pytest.approx(1.0)
         assert not window.exists("Photo/###fit from here")
         window.undo()
-        assert editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
+        assert window.editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
         window.click("Photo/###viewpoint")
         window.click("Photo/###fit from here")
-        window.wait(lambda: not session.fitting.running)
-        assert len(editor.objects.own) == 2
+        window.wait(lambda: not window.session.fitting.running)
+        assert len(window.editor.objects.own) == 2
 
     drive(act, replace(backend, fit=rated))
 
@@ -209,27 +201,25 @@ def test_the_panel_shows_the_fit_of_the_object_in_the_view(
 
 @in_window(fixture="both", cut_out=doubted)
 def test_a_doubtful_cut_out_is_answered_by_one_click(window: Driver, photo: Path) -> None:
-    fitting = window.session.fitting
-    editor = window.session.editor
     window.context.drop([str(photo)])
-    window.wait(lambda: bool(fitting.questions))
+    window.wait(lambda: bool(window.fitting.questions))
     assert window.exists("Photo/photo")
     assert window.session.messages.newest is None
     window.click("Photo/###as chairs")
-    window.wait(lambda: not fitting.running)
-    assert editor.objects.own == ["block"]
-    assert editor.model.category == "chairs"
+    window.wait(lambda: not window.fitting.running)
+    assert window.editor.objects.own == ["block"]
+    assert window.editor.model.category == "chairs"
     window.context.drop([str(photo)])
-    window.wait(lambda: bool(fitting.questions))
+    window.wait(lambda: bool(window.fitting.questions))
     window.click("Photo/###this one")
-    window.wait(lambda: not fitting.running)
-    assert editor.model.category == "cars"
+    window.wait(lambda: not window.fitting.running)
+    assert window.editor.model.category == "cars"
     window.context.drop([str(photo)])
-    window.wait(lambda: bool(fitting.questions))
+    window.wait(lambda: bool(window.fitting.questions))
     window.click("Photo/###leave photo")
-    assert not (fitting.questions or fitting.running)
+    assert not (window.fitting.questions or window.fitting.running)
     window.context.drop([str(photo)])
-    window.wait(lambda: bool(fitting.questions))
+    window.wait(lambda: bool(window.fitting.questions))
     window.click("Photo/###point at it")
     assert window.session.segmenting.active
     window.session.segmenting.close()
@@ -237,53 +227,48 @@ def test_a_doubtful_cut_out_is_answered_by_one_click(window: Driver, photo: Path
 
 @in_window(cut_out=crowded)
 def test_a_click_on_a_numbered_box_fits_that_object(window: Driver, photo: Path) -> None:
-    fitting = window.session.fitting
-    editor = window.session.editor
     window.context.drop([str(photo)])
-    window.wait(lambda: bool(fitting.questions))
+    window.wait(lambda: bool(window.fitting.questions))
     window.click("Photo/object 1")
-    window.wait(lambda: not fitting.running)
-    assert editor.objects.own == ["block"]
+    window.wait(lambda: not window.fitting.running)
+    assert window.editor.objects.own == ["block"]
     window.click("Photo/object 2")  # the other one, later
-    window.wait(lambda: not fitting.running)
-    assert editor.objects.own == ["block (2)", "block"]
-    assert fitting.shown.sources[0].hints == Hints(object=2)
+    window.wait(lambda: not window.fitting.running)
+    assert window.editor.objects.own == ["block (2)", "block"]
+    assert window.fitting.shown.sources[0].hints == Hints(object=2)
 
 
 @in_window(paint=quick_paint, paint_colour=quick_colour)
 def test_paint_is_picked_from_photo_and_view_and_taken_off(window: Driver, model: Model) -> None:
-    session = window.session
-    editor = window.session.editor
-    editor.add_and_show(fitted(model), editor.scene.camera)
+    window.editor.add_and_show(fitted(model), window.editor.scene.camera)
     window.show("Photo")
     window.wait()
-    before = editor.state
-    past = len(editor.history.past)
+    before = window.editor.state
+    past = len(window.editor.history.past)
     for red in (0.2, 0.5, 0.9):  # a drag over colours
-        session.painting.paint((red, 0.0, 0.0))
+        window.session.painting.paint((red, 0.0, 0.0))
     window.wait()
-    assert newest_paint(editor)[0] == pytest.approx(0.9)
-    assert len(editor.history.past) == past + 1
+    assert newest_paint(window.editor)[0] == pytest.approx(0.9)
+    assert len(window.editor.history.past) == past + 1
     window.click("Photo/###pick colour")
     window.click("Photo/photo")
     window.wait()
-    assert newest_paint(editor) == pytest.approx([1.0, 0.0, 0.0], abs=0.05)  # the photo's red
+    assert newest_paint(window.editor) == pytest.approx([1.0, 0.0, 0.0], abs=0.05)  # the photo's red
     window.click("Photo/###pick colour")
     window.click("View/orbit")
     window.wait()
     assert window.context.tool == "turn"
-    assert len(editor.history.past) == past + 3
+    assert len(window.editor.history.past) == past + 3
     window.click("Photo/###original paint")
-    assert editor.scene.instance == before.scene.instance
+    assert window.editor.scene.instance == before.scene.instance
     for _ in range(4):
         window.undo()
-    assert editor.state == before
+    assert window.editor.state == before
 
 
 @in_window(paint=quick_paint, paint_colour=quick_colour)
 def test_esc_ends_a_drag_over_colours_without_a_paint(window: Driver) -> None:
-    editor = window.session.editor
-    before = editor.state
+    before = window.editor.state
     window.show("Photo")
     window.wait()
     window.click("Photo/###paint")
@@ -294,47 +279,45 @@ def test_esc_ends_a_drag_over_colours_without_a_paint(window: Driver) -> None:
     window.press(imgui.Key.escape)
     window.ctx.mouse_up(0)
     window.wait()
-    assert editor.state == before and not window.context.preferences.paints
+    assert window.editor.state == before and not window.context.preferences.paints
 
 
 @in_window(paint=quick_paint, paint_colour=quick_colour)
 def test_one_click_on_a_swatch_paints_and_other_colours_are_remembered(window: Driver) -> None:
-    editor = window.session.editor
     past = len(window.session.editor.history.past)
     window.show("Photo")
     window.wait()
     name, paint = next(iter(paints_of(window.session.painting.part).items()))
     window.click("Photo/###swatch 1")
     window.wait()
-    assert newest_paint(editor) == pytest.approx(rgb(paint)), name
-    assert len(editor.history.past) == past + 1
+    assert newest_paint(window.editor) == pytest.approx(rgb(paint)), name
+    assert len(window.editor.history.past) == past + 1
     assert not window.context.preferences.paints
     window.click("Photo/###paint")
     window.drag("**/square", 30, -20)
     window.press(imgui.Key.escape)
     window.wait()
-    assert len(editor.history.past) == past + 2
+    assert len(window.editor.history.past) == past + 2
     (chosen,) = window.context.preferences.paints
-    assert newest_paint(editor) == pytest.approx(rgb(chosen), abs=0.01)
+    assert newest_paint(window.editor) == pytest.approx(rgb(chosen), abs=0.01)
     window.undo()
     window.click("Photo/###swatch 13")
     window.wait()
-    assert newest_paint(editor) == pytest.approx(rgb(chosen), abs=0.01)
+    assert newest_paint(window.editor) == pytest.approx(rgb(chosen), abs=0.01)
     window.undo()
     window.undo()
-    assert len(editor.history.past) == past
+    assert len(window.editor.history.past) == past
 
 
 @in_window()
 def test_the_strength_of_the_photo_detail_is_a_slider(window: Driver, model: Model) -> None:
-    editor = window.session.editor
-    editor.add_and_show(fitted(model), editor.scene.camera)
+    window.editor.add_and_show(fitted(model), window.editor.scene.camera)
     window.show("Photo")
-    before = editor.state
+    before = window.editor.state
     window.drag("Photo/##photo detail", -60)
-    assert editor.scene.instance.detail.strength < 1
+    assert window.editor.scene.instance.detail.strength < 1
     window.undo()
-    assert editor.state == before
+    assert window.editor.state == before
 
 
 def test_several_photos_are_fitted_together(drive: Drive, photo: Path, tmp_path: Path) -> None:
@@ -344,25 +327,24 @@ def test_several_photos_are_fitted_together(drive: Drive, photo: Path, tmp_path:
 
     def act(window: Driver) -> None:
         session = window.session
-        fitting = session.fitting
         window.context.drop([str(photo), str(tmp_path / "block b.png")])
-        window.wait(lambda: bool(fitting.history.steps) and not fitting.running)
+        window.wait(lambda: bool(window.fitting.history.steps) and not window.fitting.running)
         window.click("Photo/photo 2")
         window.wait()
-        assert fitting.history.photo_index == 1
+        assert window.fitting.history.photo_index == 1
         window.click("Photo/###add photo")
         window.type(str(tmp_path / "block c.png"))
-        window.wait(lambda: len(fitting.history.photos) == 3 and not fitting.running)
+        window.wait(lambda: len(window.fitting.history.photos) == 3 and not window.fitting.running)
         window.click("Photo/photo 3")
-        assert fitting.history.photo_index == 2
+        assert window.fitting.history.photo_index == 2
         window.click("Photo/photo 3", 1)
         window.click("**/###side back")
-        window.wait(lambda: fitting.history.sources[2].side == "back" and not fitting.running)
-        assert [fitted.photo.side for fitted in fitting.history.photos] == [None, None, "back"]
+        window.wait(lambda: window.fitting.history.sources[2].side == "back" and not window.fitting.running)
+        assert [fitted.photo.side for fitted in window.fitting.history.photos] == [None, None, "back"]
         window.click("Photo/photo 1", 1)
         window.click("**/###remove photo")
-        window.wait(lambda: len(fitting.history.photos) == 2 and not fitting.running)
-        assert [source.side for source in fitting.history.sources] == [None, "back"]
+        window.wait(lambda: len(window.fitting.history.photos) == 2 and not window.fitting.running)
+        assert [source.side for source in window.fitting.history.sources] == [None, "back"]
         window.context.drop([str(photo), str(tmp_path / "other.txt")])
         assert "1 of 2 are no photos: other.txt" in session.messages.newest.text
 

@@ -9,16 +9,14 @@ from tests.viewer.stand_ins import endless_fit
 
 @in_window(fit=endless_fit)
 def test_the_view_is_turned_around_a_growing_fit_and_follow_returns(window: Driver, photo: Path) -> None:
-    fitting = window.session.fitting
     viewport = window.session.viewport
-    editor = window.session.editor
     window.context.drop([str(photo)])
     window.wait(lambda: viewport.source == "fit")
     window.drag("View/orbit", 120)
     assert viewport.following
     assert viewport.turned
     assert viewport.source == "fit"
-    assert editor.scene.camera.azimuth != pytest.approx(1.0, abs=0.1)
+    assert window.editor.scene.camera.azimuth != pytest.approx(1.0, abs=0.1)
     window.ctx.yield_(3)
     window.click("Library/**/waits block.png")
     assert not viewport.turned
@@ -27,6 +25,6 @@ def test_the_view_is_turned_around_a_growing_fit_and_follow_returns(window: Driv
     assert viewport.source == "scene"
     window.click("Library/**/waits block.png")
     window.wait(lambda: viewport.source == "fit")
-    fitting.stop()
+    window.fitting.stop()
     window.wait()
-    assert editor.state.mix.a.shape == "block"
+    assert window.editor.state.mix.a.shape == "block"

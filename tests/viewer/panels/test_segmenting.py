@@ -70,13 +70,12 @@ def _drop(window: Driver, photo: Path) -> _Canvas:
 @in_window(load_model=lambda name: tiny_model())
 def test_a_photo_on_busy_background_is_segmented_by_strokes(window: Driver, busy: Path) -> None:
     segmenting = window.session.segmenting
-    editor = window.session.editor
-    before = editor.history
+    before = window.editor.history
     canvas = _drop(window, busy)
     window.press(imgui.Key.f1)
     assert not window.context.help_open
     assert window.session.messages.errors == []
-    assert editor.history is before
+    assert window.editor.history is before
     canvas.draw(*_BOX)
     assert segmenting.hints.box == pytest.approx((0.15, 0.15, 0.7, 0.85), abs=0.01)
     assert canvas.covered(0.38, 0.5)
@@ -158,14 +157,13 @@ def test_one_click_finds_each_of_several_objects(
 @in_window(load_model=lambda name: tiny_model())
 def test_a_fitted_photo_is_segmented_again_with_its_hints(window: Driver, busy: Path) -> None:
     segmenting = window.session.segmenting
-    session = window.session
     _drop(window, busy).draw(*_BOX)
     hints = segmenting.hints
     window.click("Cut out###segment/**/###fit segmentation")
     assert not segmenting.active
-    window.wait(lambda: not session.fitting.running)
-    assert session.editor.objects.own[0] == "busy"
-    fitted = session.fitting.history.photo
+    window.wait(lambda: not window.session.fitting.running)
+    assert window.session.editor.objects.own[0] == "busy"
+    fitted = window.session.fitting.history.photo
     assert fitted.source.hints == hints
     assert fitted.photo.cropped
     window.click("Photo/###point at it")
@@ -179,7 +177,6 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(window: Driver, busy: 
 @in_window(load_model=lambda name: tiny_model())
 def test_a_photo_dropped_on_the_dialog_waits_for_its_end(window: Driver, busy: Path) -> None:
     segmenting = window.session.segmenting
-    session = window.session
     _drop(window, busy).draw(*_BOX)
     hints = segmenting.hints
     window.context.drop([str(busy.with_name("missing.png"))])
@@ -189,6 +186,6 @@ def test_a_photo_dropped_on_the_dialog_waits_for_its_end(window: Driver, busy: P
     window.wait()
     assert segmenting.hints == hints
     window.click("Cut out###segment/**/###cancel segmentation")
-    window.wait(lambda: bool(session.editor.objects.own))  # the one that was dropped
+    window.wait(lambda: bool(window.session.editor.objects.own))  # the one that was dropped
     assert not segmenting.active
-    assert session.editor.objects.own == ["busy"]
+    assert window.session.editor.objects.own == ["busy"]

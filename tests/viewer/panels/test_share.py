@@ -70,15 +70,14 @@ def test_share_keeps_its_object_when_a_fit_ends(drive: Drive, backend: Backend, 
         yield last
 
     def act(window: Driver) -> None:
-        editor = window.session.editor
-        before = editor.scene.instance
+        before = window.editor.scene.instance
         window.context.drop([str(photo)])
         window.wait(lambda: bool(window.session.fitting.history.steps))
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)
         may_end.set()
         window.wait(lambda: not window.session.fitting.running)
-        assert editor.objects.own == ["block"]
-        assert editor.scene.instance is before
+        assert window.editor.objects.own == ["block"]
+        assert window.editor.scene.instance is before
 
     drive(act, replace(backend, fit=held))
 
@@ -148,7 +147,6 @@ def test_a_turntable_is_saved_and_its_folder_shown(drive: Drive, tmp_path: Path,
     folders: list[Path] = []
 
     def act(window: Driver) -> None:
-        session = window.session
         exporting = window.session.exporting
         window.context.file_manager = folders.append
         window.click("View/###share")
@@ -158,7 +156,7 @@ def test_a_turntable_is_saved_and_its_folder_shown(drive: Drive, tmp_path: Path,
         window.type(str(tmp_path / "turn.mp4"))
         window.wait(lambda: exporting.progress > 0, 60)
         window.wait(lambda: not exporting.running, 60)
-        assert session.messages.errors == []
+        assert window.session.messages.errors == []
         with av.open(str(tmp_path / "turn.mp4")) as video:
             assert (video.streams.video[0].frames, video.streams.video[0].width) == (72, 256)
         window.click("Share/###show in folder")
@@ -307,9 +305,8 @@ def test_a_cancelled_export_leaves_no_file(drive: Drive, tmp_path: Path, backend
 
 @in_window()
 def test_scenes_and_images_are_saved_and_opened(window: Driver, tmp_path: Path) -> None:
-    editor = window.session.editor
     window.drag("View/orbit", 90, -20)
-    scene = editor.scene
+    scene = window.editor.scene
     window.session.editor.scene.save(tmp_path / "mine.json")
     window.menu("File/###share")
     window.click("Share/###picture")
@@ -321,13 +318,13 @@ def test_scenes_and_images_are_saved_and_opened(window: Driver, tmp_path: Path) 
     assert image_size(tmp_path / "mine.png") == (512, 512)
     window.press(imgui.Key.escape)
     window.click("View/###reset_view")
-    assert editor.scene != scene
+    assert window.editor.scene != scene
     window.press(imgui.Key.mod_ctrl, imgui.Key.o)
     window.type(str(tmp_path / "mine.json"))
-    assert editor.scene == scene
+    assert window.editor.scene == scene
     window.click("View/###reset_view")
     window.context.drop([str(tmp_path / "mine.json")])
-    assert editor.scene == scene
+    assert window.editor.scene == scene
     window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.s)
     window.ctx.item_click("//Choose a file###ask/Cancel")
     window.ctx.yield_(2)

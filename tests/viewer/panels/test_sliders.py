@@ -18,88 +18,84 @@ from viewer.values.direction import Direction
 
 @in_window()
 def test_sliders_with_words_move_one_direction_and_are_reset(window: Driver) -> None:
-    editor = window.session.editor
     window.show("Sliders")
     window.wait()
-    before = editor.state
+    before = window.editor.state
     assert not window.exists("Sliders/**/##shape 2")  # it has no word
-    direction = Direction.principal(editor.model.codes, "shape", 0)
-    low, high = direction.reach(editor.scene.instance)
+    direction = Direction.principal(window.editor.model.codes, "shape", 0)
+    low, high = direction.reach(window.editor.scene.instance)
     window.set("Sliders/**/##shape 1", low + 0.2)
     window.wait()
-    assert direction.strength(editor.scene.instance) == pytest.approx(low + 0.2, abs=1e-3)
+    assert direction.strength(window.editor.scene.instance) == pytest.approx(low + 0.2, abs=1e-3)
     window.set("Sliders/**/##shape 1", 9.0)
     window.wait()
-    assert direction.strength(editor.scene.instance) == pytest.approx(high, abs=1e-3)  # a soft stop
-    assert editor.scene.instance.codes.texture is before.scene.instance.codes.texture
-    past = len(editor.history.past)
+    assert direction.strength(window.editor.scene.instance) == pytest.approx(high, abs=1e-3)  # a soft stop
+    assert window.editor.scene.instance.codes.texture is before.scene.instance.codes.texture
+    past = len(window.editor.history.past)
     window.drag("Sliders/**/##texture 1", 70)
     window.wait()
-    assert editor.state.scene.instance != before.scene.instance
-    assert len(editor.history.past) == past + 1  # a drag is one step
+    assert window.editor.state.scene.instance != before.scene.instance
+    assert len(window.editor.history.past) == past + 1  # a drag is one step
     window.click("Sliders/###reset")
-    assert editor.scene.instance == before.scene.instance
+    assert window.editor.scene.instance == before.scene.instance
     window.click("Sliders/###sample")
-    while editor.history.past:
+    while window.editor.history.past:
         window.undo()
-    assert editor.state == before
+    assert window.editor.state == before
 
 
 @in_window()
 def test_a_size_is_typed_dragged_and_undone(window: Driver) -> None:
-    editor = window.session.editor
     reshaping = window.session.reshaping
     window.show("Sliders")
     window.wait(lambda: reshaping.bounds is not None)
-    before = editor.state
+    before = window.editor.state
     natural = reshaping.bounds.size
     assert natural == pytest.approx((60, 45, 90))
     for name, side in (("Width", 72.0), ("Depth", 45.0), ("Height", 99.0)):
         window.set(f"Sliders/**/##{name}", side)
         window.ctx.yield_(2)
-    assert editor.scene.instance.codes.factors == pytest.approx((1.2, 1.0, 1.1))
+    assert window.editor.scene.instance.codes.factors == pytest.approx((1.2, 1.0, 1.1))
     window.click("Sliders/**/###natural size")
-    assert editor.scene.instance == before.scene.instance
-    past = len(editor.history.past)
+    assert window.editor.scene.instance == before.scene.instance
+    past = len(window.editor.history.past)
     window.drag("Sliders/**/##Width", 40)
-    assert editor.scene.instance.codes.factors[0] > 1.1
-    assert len(editor.history.past) == past + 1  # a drag is one step
+    assert window.editor.scene.instance.codes.factors[0] > 1.1
+    assert len(window.editor.history.past) == past + 1  # a drag is one step
     window.undo()
-    assert editor.scene.instance == before.scene.instance
+    assert window.editor.scene.instance == before.scene.instance
 
 
 @in_window()
 def test_a_click_on_a_size_is_for_typing(window: Driver) -> None:
-    editor = window.session.editor
     window.show("Sliders")
     window.wait(lambda: window.session.reshaping.bounds is not None)
     window.click("Sliders/**/##Width")
     window.ctx.key_chars_replace("72")
     window.ctx.key_press(imgui.Key.enter)
     window.ctx.yield_(2)
-    assert editor.scene.instance.codes.factors == pytest.approx((1.2, 1.0, 1.0))
+    assert window.editor.scene.instance.codes.factors == pytest.approx((1.2, 1.0, 1.0))
 
 
 @in_window()
 def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
-    editor = window.session.editor
     window.show("Sliders")
     window.wait(lambda: window.session.reshaping.bounds is not None)
-    before = editor.state
+    before = window.editor.state
     assert not window.exists("View/**/##size 2 1")
     window.click("Sliders/**/###size handles")
     window.ctx.yield_(2)
     window.drag("View/**/##size 2 1", 0, -40)
-    assert editor.scene.instance.codes.factors[2] > 1.1
-    assert editor.scene.instance.codes.factors[:2] == (1.0, 1.0)
+    assert window.editor.scene.instance.codes.factors[2] > 1.1
+    assert window.editor.scene.instance.codes.factors[:2] == (1.0, 1.0)
     window.undo()
-    assert editor.state == before
-    editor.set_camera(replace(editor.scene.camera, elevation=0.0))
+    assert window.editor.state == before
+    window.editor.set_camera(replace(window.editor.scene.camera, elevation=0.0))
     window.ctx.yield_(2)
     assert window.exists("View/**/##size 2 1")  # the top, also from below
-    editor.undo()
+    window.editor.undo()
     window.drag("View/orbit", 60, 0)
-    assert editor.scene.instance == before.scene.instance  # beside the handles, the object turns
+    assert window.editor.scene.instance == before.scene.instance  # beside the handles, the object turns
     window.press(imgui.Key.escape)
     assert window.context.tool == "turn"
 
@@ -114,16 +110,15 @@ def legged(backend: Backend) -> Backend:
 
 @in_window("legged")
 def test_legs_are_typed_dragged_and_undone(window: Driver) -> None:
-    editor = window.session.editor
     reshaping = window.session.reshaping
-    legs = portion_of(editor.model)
+    legs = portion_of(window.editor.model)
     window.show("Sliders")
     window.wait(lambda: reshaping.bounds is not None)
-    before = editor.state
+    before = window.editor.state
 
     def lengths() -> tuple[float, float]:
         """The legs and the height in cm."""
-        codes = editor.scene.instance.codes
+        codes = window.editor.scene.instance.codes
         bounds = reshaping.bounds.after(codes.edits_of("size"))
         return bounds.length(legs), bounds.size[2]
 
@@ -131,18 +126,18 @@ def test_legs_are_typed_dragged_and_undone(window: Driver) -> None:
     window.set("Sliders/**/##Legs", 48.0)
     window.ctx.yield_(2)
     assert lengths() == pytest.approx((48, 102), abs=0.01)
-    assert len(editor.history.past) == 1 and editor.state.change_from(before) == "size"
+    assert len(window.editor.history.past) == 1 and window.editor.state.change_from(before) == "size"
     window.set("Sliders/**/##Height", 51.0)
     window.ctx.yield_(2)
     assert lengths() == pytest.approx((24, 51), abs=0.01)
     window.click("Sliders/**/###natural size")
-    assert editor.scene.instance == before.scene.instance
-    past = len(editor.history.past)
+    assert window.editor.scene.instance == before.scene.instance
+    past = len(window.editor.history.past)
     window.drag("Sliders/**/##Legs", 40)
     assert lengths()[0] > 38 and lengths()[1] - lengths()[0] == pytest.approx(54)
-    assert len(editor.history.past) == past + 1  # a drag is one step
+    assert len(window.editor.history.past) == past + 1  # a drag is one step
     window.undo()
-    assert editor.scene.instance == before.scene.instance
+    assert window.editor.scene.instance == before.scene.instance
     window.set("Sliders/**/##Legs", 1e5)  # as far as they go
     window.ctx.yield_(2)
     assert 100 < lengths()[0] < 1e4 and window.session.messages.errors == []
@@ -150,12 +145,11 @@ def test_legs_are_typed_dragged_and_undone(window: Driver) -> None:
 
 @in_window("legged")
 def test_the_seats_line_is_dragged_with_the_mouse(window: Driver) -> None:
-    editor = window.session.editor
     window.show("Sliders")
     window.wait(lambda: window.session.reshaping.bounds is not None)
     window.set("Sliders/**/##Width", 65.0)  # with the first edit, the history covers a part of the view
     window.ctx.yield_(2)
-    before = editor.state
+    before = window.editor.state
 
     def height() -> float:
         """The handle's px from the top."""
@@ -167,11 +161,11 @@ def test_the_seats_line_is_dragged_with_the_mouse(window: Driver) -> None:
     window.drag("View/**/##size legs", 0, -30)
     window.ctx.yield_(2)
     assert height() == pytest.approx(start - 30, abs=6)
-    (bend,) = editor.scene.instance.codes.of_kind(Bend)
+    (bend,) = window.editor.scene.instance.codes.of_kind(Bend)
     assert bend.moved > bend.plane
-    assert len(editor.history.past) == 2
+    assert len(window.editor.history.past) == 2
     window.undo()
-    assert editor.state == before
+    assert window.editor.state == before
 
 
 @in_window()
@@ -193,13 +187,12 @@ def test_an_object_whose_legs_have_no_end_has_no_field_for_them(window: Driver) 
 
 @in_window()
 def test_the_slider_under_the_mouse_shows_where_it_leads(window: Driver) -> None:
-    session = window.session
     window.show("Sliders")
     window.wait()
-    before = len(session.thumbnails.newest()())
+    before = len(window.session.thumbnails.newest()())
     window.ctx.mouse_move("//Sliders/**/##shape 1")
-    window.wait(lambda: len(session.thumbnails.newest()()) >= before + 3)
-    assert not session.editor.history.past
+    window.wait(lambda: len(window.session.thumbnails.newest()()) >= before + 3)
+    assert not window.session.editor.history.past
     assert tooltip(window) is not None
     slider = window.ctx.item_info("//Sliders/**/##shape 1").rect_full
     box = tooltip(window)
@@ -231,7 +224,6 @@ def test_nothing_covers_what_a_pressed_slider_changed_until_the_mouse_has_left_i
 
 @in_window(fixture="real_backend")
 def test_the_slider_under_the_mouse_shows_what_it_changes(window: Driver, tmp_path: Path) -> None:
-    editor = window.session.editor
     panel = next(panel for panel in window.app.panels if isinstance(panel, SlidersPanel))
     window.show("Sliders")
     window.wait()
@@ -241,4 +233,4 @@ def test_the_slider_under_the_mouse_shows_what_it_changes(window: Driver, tmp_pa
         window.wait(lambda: all(panel.influence is not overlay for overlay in overlays))
         overlays.append(panel.influence)
         assert panel.influence is not None and panel.influence.std() > 0
-    assert not editor.history.past
+    assert not window.editor.history.past

@@ -20,31 +20,30 @@ from viewer.values.view_modes import MODES
 
 @in_window()
 def test_a_drag_turns_the_object_and_is_one_step_of_undo(window: Driver) -> None:
-    editor = window.session.editor
-    before = editor.scene
+    before = window.editor.scene
     assert window.context.preferences.newcomer
     window.drag("View/orbit", 150, 40)
-    turned = editor.scene.camera
+    turned = window.editor.scene.camera
     assert turned.azimuth < before.camera.azimuth
     assert turned.elevation > before.camera.elevation
     assert turned.distance == before.camera.distance
     assert not window.context.preferences.newcomer
     window.undo()
-    assert editor.scene == before
-    assert not editor.history.past
+    assert window.editor.scene == before
+    assert not window.editor.history.past
     window.redo()
-    assert editor.scene.camera == turned
+    assert window.editor.scene.camera == turned
     window.undo()
     window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.z)
-    assert editor.scene.camera == turned
+    assert window.editor.scene.camera == turned
     window.click("View/###undo")
-    assert editor.scene == before
+    assert window.editor.scene == before
     window.click("View/###redo")
-    assert editor.scene.camera == turned
+    assert window.editor.scene.camera == turned
     window.ctx.key_down(imgui.Key.mod_shift)  # finely
     window.drag("View/orbit", 150)
     window.ctx.key_up(imgui.Key.mod_shift)
-    assert 0 < turned.azimuth - editor.scene.camera.azimuth < 0.3 * (before.camera.azimuth - turned.azimuth)
+    assert 0 < turned.azimuth - window.editor.scene.camera.azimuth < 0.3 * (before.camera.azimuth - turned.azimuth)
 
 
 @in_window(size=(900, 600))
@@ -97,14 +96,13 @@ def test_the_first_hint_is_beside_the_buttons_and_covers_no_part(window: Driver)
 
 @in_window()
 def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(window: Driver) -> None:
-    editor = window.session.editor
     ctx = window.ctx
-    home = editor.scene.camera
+    home = window.editor.scene.camera
     ctx.mouse_move("//View/orbit")
     for _ in range(3):
         ctx.mouse_wheel_y(1.0)
     window.wait()
-    assert editor.scene.camera.distance < home.distance
+    assert window.editor.scene.camera.distance < home.distance
     assert max(map(abs, window.session.viewport.settings.pan)) < 0.1
     low, high = window.context.view
     ctx.mouse_move_to_pos(low + (high - low) * 0.75)
@@ -113,16 +111,16 @@ def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(window
     time.sleep(0.7)
     ctx.yield_(2)
     window.press(imgui.Key.right_arrow)
-    assert editor.scene.camera.azimuth > home.azimuth
-    assert len(editor.history.past) == 1  # moves of the camera are one step
+    assert window.editor.scene.camera.azimuth > home.azimuth
+    assert len(window.editor.history.past) == 1  # moves of the camera are one step
     io = imgui.get_io()
     io.mouse_single_click_delay, io.mouse_double_click_time = 11.0, 10.0  # s: frames of a busy machine take long
     ctx.item_double_click("//View/orbit")
     ctx.yield_(2)
-    assert (editor.scene.camera, window.session.viewport.settings.pan) == (home, (0.0, 0.0))
+    assert (window.editor.scene.camera, window.session.viewport.settings.pan) == (home, (0.0, 0.0))
     window.drag("View/orbit", 60)
     window.click("View/###reset_view")
-    assert editor.scene.camera == home
+    assert window.editor.scene.camera == home
 
 
 @in_window()
@@ -143,11 +141,10 @@ def test_the_image_on_screen_is_the_newest_frame_over_the_background(window: Dri
 
 @in_window()
 def test_the_other_buttons_pan_the_object(window: Driver) -> None:
-    session = window.session
     before = window.session.editor.scene
 
     def middle() -> float:
-        frame = session.viewport.frame
+        frame = window.session.viewport.frame
         return frame.opacity.nonzero()[1].mean() / frame.resolution[0]
 
     for button in (1, 2):
@@ -158,24 +155,23 @@ def test_the_other_buttons_pan_the_object(window: Driver) -> None:
         window.ctx.mouse_move_to_pos((place.x + 100, place.y))
         window.ctx.mouse_up(button)
         window.wait()
-        assert session.editor.scene == before
-        assert session.viewport.settings.pan[0] > 0.1
+        assert window.session.editor.scene == before
+        assert window.session.viewport.settings.pan[0] > 0.1
         assert middle() > usual + 0.05
         window.press(imgui.Key._0)
         window.wait()
-        assert session.viewport.settings.pan == (0.0, 0.0)
+        assert window.session.viewport.settings.pan == (0.0, 0.0)
 
 
 @in_window(fixture="real_backend")
 def test_depth_normals_opacity_and_samples_are_shown(window: Driver, tmp_path: Path) -> None:
-    session = window.session
     images = []
     for mode in MODES:
-        session.viewport.change(mode=mode)
+        window.session.viewport.change(mode=mode)
         window.ctx.yield_(2)
         images.append(window.capture_view(border=60))
     assert all(np.abs(first - second).mean() > 1 for first, second in combinations(images, 2))
-    assert session.messages.errors == []
+    assert window.session.messages.errors == []
 
 
 def test_seven_images_of_turn_side_undo_undo_redo_redo(drive: Drive) -> None:
@@ -273,31 +269,30 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(drive: Dri
     framing = replace(backend, load_model=lambda name: stools, distance=filling_distance, fit=detailed_fit)
 
     def act(window: Driver) -> None:
-        editor = window.session.editor
         viewport = window.session.viewport
 
         def filled() -> float:
             window.wait(lambda: not window.session.jobs.busy("framing"))
-            crop = orbit.fit_to_panel(editor.scene.camera, *viewport.settings.panel, 192)
-            opaque = render_frame(editor.scene.instance, crop.camera).opacity > 0.2
+            crop = orbit.fit_to_panel(window.editor.scene.camera, *viewport.settings.panel, 192)
+            opaque = render_frame(window.editor.scene.instance, crop.camera).opacity > 0.2
             ends = (np.flatnonzero(opaque.any(axis))[[0, -1]] / opaque.shape[1 - axis] for axis in (0, 1))
             return max(np.abs(2 * both - 1).max() for both in ends)
 
         assert filled() == pytest.approx(0.75, abs=0.06)
         crop = viewport.request.crop(64)
         _, height = viewport.settings.panel
-        opaque = crop.cropped(render_frame(editor.scene.instance, crop.camera)).opacity > 0.2
+        opaque = crop.cropped(render_frame(window.editor.scene.instance, crop.camera)).opacity > 0.2
         assert viewport.settings.covered > 50  # by the card with the samples
         assert not opaque[round(len(opaque) * (1 - viewport.settings.covered / height)) :].any()
-        window.click(f"Library/**/show {[*next(iter(editor.objects.families.values()))][2]}")
+        window.click(f"Library/**/show {[*next(iter(window.editor.objects.families.values()))][2]}")
         assert filled() == pytest.approx(0.75, abs=0.06)
-        assert len(editor.history.past) == 1
+        assert len(window.editor.history.past) == 1
         assert viewport.settings.covered > 50  # the samples stay
         window.fit(photo)
         assert filled() == pytest.approx(0.75, abs=0.06)
-        assert orbit.same_direction(editor.scene.camera, window.session.fitting.view.camera)
+        assert orbit.same_direction(window.editor.scene.camera, window.session.fitting.view.camera)
         window.press(imgui.Key._4)
-        assert editor.scene.camera == window.session.photo_camera
+        assert window.editor.scene.camera == window.session.photo_camera
         assert window.session.messages.errors == []
 
     drive(act, framing, size=(900, 600))
@@ -306,7 +301,6 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(drive: Dri
 @in_window(fit=endless_fit, distance=lambda *_: 1.1)
 def test_the_object_stands_still_under_a_hand_and_a_first_fit_has_its_own_camera(window: Driver, photo: Path) -> None:
     viewport = window.session.viewport
-    editor = window.session.editor
     covered = viewport.settings.covered
     assert covered > 50
     window.drag("View/orbit", 60)  # the card is small now
@@ -318,4 +312,4 @@ def test_the_object_stands_still_under_a_hand_and_a_first_fit_has_its_own_camera
     assert not viewport.turned
     window.session.fitting.stop()
     window.wait()
-    assert orbit.same_direction(editor.scene.camera, window.session.fitting.view.camera)
+    assert orbit.same_direction(window.editor.scene.camera, window.session.fitting.view.camera)

@@ -69,29 +69,27 @@ def test_what_was_made_with_a_deleted_model_waits_as_grey_tiles_and_comes_back(
     moved = stools.rename(tmp_path / "elsewhere.safetensors")
 
     def act(window: Driver) -> None:
-        session = window.session
-        editor = window.session.editor
-        assert session.messages.errors == []
-        assert "stools.safetensors" in session.messages.newest.text
-        assert editor.state.mix.a.shape == "object 3"
-        assert editor.objects.own == ["Red stool"]
+        assert window.session.messages.errors == []
+        assert "stools.safetensors" in window.session.messages.newest.text
+        assert window.editor.state.mix.a.shape == "object 3"
+        assert window.editor.objects.own == ["Red stool"]
         tile = window.ctx.item_info("//Library/**/show Red stool").rect_full
         grey = window.capture()[int(tile.min.y) + 3 : int(tile.min.y) + 20, int(tile.min.x) + 3 : int(tile.max.x) - 3]
         assert np.ptp(grey, -1).max() < 16  # no picture, no colour
         window.undo()
-        assert editor.state.mix.a.shape == "object 2"  # the states of the stool are skipped
+        assert window.editor.state.mix.a.shape == "object 2"  # the states of the stool are skipped
         window.redo()
-        assert editor.state.mix.a.shape == "object 3"
-        assert session.save_project(tmp_path / "b.codenerf")
+        assert window.editor.state.mix.a.shape == "object 3"
+        assert window.session.save_project(tmp_path / "b.codenerf")
         find(window, "Library/**/show Red stool", moved)
-        assert editor.state.mix.a.shape == "Red stool"
-        assert [state.scene for state in editor.history.states[: len(made.history.states)]] == [
+        assert window.editor.state.mix.a.shape == "Red stool"
+        assert [state.scene for state in window.editor.history.states[: len(made.history.states)]] == [
             state.scene for state in made.history.states
         ]
         window.undo()
         window.undo()
-        assert editor.model.category == "stools"
-        assert session.messages.errors == []
+        assert window.editor.model.category == "stools"
+        assert window.session.messages.errors == []
 
     drive(act, own, folder=tmp_path / "config")
     again = read_project(tmp_path / "b.codenerf").adopted(loaded(own, moved))

@@ -83,8 +83,7 @@ def test_a_handle_says_when_the_object_can_follow_no_further(window: Driver, mon
 
 @in_window(part_map=two_parts)
 def test_a_drag_beside_the_handle_turns_the_object(window: Driver) -> None:
-    editor = window.session.editor
-    before = editor.scene
+    before = window.editor.scene
     azimuths = [before.camera.azimuth]
     _light_up(window, 0.05)
     box = window.ctx.item_info("//View/handle").rect_full
@@ -93,9 +92,9 @@ def test_a_drag_beside_the_handle_turns_the_object(window: Driver) -> None:
         window.ctx.mouse_move_to_pos((x, y))  # on the part, and on its name
         window.ctx.mouse_drag_with_delta((80, 0))
         window.ctx.yield_(2)
-        azimuths.append(editor.scene.camera.azimuth)
-        editor.set_camera(before.camera)
-    assert editor.scene.instance is before.instance
+        azimuths.append(window.editor.scene.camera.azimuth)
+        window.editor.set_camera(before.camera)
+    assert window.editor.scene.instance is before.instance
     assert max(azimuths[1:]) < azimuths[0]
 
 
@@ -121,21 +120,20 @@ def test_a_click_on_the_name_opens_the_colours_of_its_part(drive: Drive, backend
     headed = replace(model, part_head=head)
 
     def act(window: Driver) -> None:
-        editor = window.session.editor
-        before = editor.scene.instance
+        before = window.editor.scene.instance
         for across, part in ((0.05, "back"), (-0.05, "seat")):
             _light_up(window, across)
             assert window.session.painting.part == part  # which a swatch of the panel would paint
             _click_name(window)
-            assert editor.scene.instance is before
+            assert window.editor.scene.instance is before
             assert window.exists("$FOCUSED/###swatch 1")
             window.ctx.popup_close_all()
         _light_up(window, 0.05)
         _click_name(window)
         window.click("$FOCUSED/###swatch 3")
         window.wait()
-        assert torch.equal(editor.scene.instance.codes.shape, before.codes.shape)
-        assert editor.scene.instance.codes.of_kind(PartPaint) != before.codes.of_kind(PartPaint)
+        assert torch.equal(window.editor.scene.instance.codes.shape, before.codes.shape)
+        assert window.editor.scene.instance.codes.of_kind(PartPaint) != before.codes.of_kind(PartPaint)
 
     drive(act, replace(backend, load_model=lambda name: headed, part_map=two_parts))
 

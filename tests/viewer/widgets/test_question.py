@@ -22,78 +22,72 @@ def test_a_doubtful_category_is_chosen_by_a_click_on_its_image(
     drive: Drive, both: Backend, photo: Path, category: str
 ) -> None:
     def act(window: Driver) -> None:
-        fitting = window.session.fitting
-        editor = window.session.editor
         window.context.drop([str(photo)])
-        window.wait(lambda: bool(fitting.questions))
-        assert fitting.questions[0].words in ("Is it a chair or a car?", "Is it a car or a chair?")
+        window.wait(lambda: bool(window.fitting.questions))
+        assert window.fitting.questions[0].words in ("Is it a chair or a car?", "Is it a car or a chair?")
         assert not window.exists("Photo/###this one"), "nothing is taken for granted"
         window.click(f"Photo/as {category}")
-        window.wait(lambda: not fitting.running)
-        assert editor.objects.own == ["block"]
-        assert editor.model.category == category
+        window.wait(lambda: not window.fitting.running)
+        assert window.editor.objects.own == ["block"]
+        assert window.editor.model.category == category
 
     drive(act, replace(both, cut_out=throne))
 
 
 @in_window(fixture="both", guess_category=lambda cut: {})
 def test_a_pointed_out_object_is_asked_for_its_category(window: Driver, photo: Path) -> None:
-    fitting = window.session.fitting
     window.click("Library/**/show car 1")
-    fitting.fit(PhotoSource(photo, Hints(box=(0.1, 0.1, 0.9, 0.9))))
-    window.wait(lambda: bool(fitting.questions))
+    window.fitting.fit(PhotoSource(photo, Hints(box=(0.1, 0.1, 0.9, 0.9))))
+    window.wait(lambda: bool(window.fitting.questions))
     window.show("Photo")
     window.click("Photo/as chairs")
-    window.wait(lambda: not fitting.running)
+    window.wait(lambda: not window.fitting.running)
     assert window.session.editor.model.category == "chairs"
 
 
 @in_window(fixture="both", guess_category=lambda cut: UNDETECTED)
 def test_none_of_these_is_the_first_answer_where_nothing_looks_like_a_category(window: Driver, photo: Path) -> None:
-    fitting = window.session.fitting
     window.context.drop([str(photo)])
-    window.wait(lambda: bool(fitting.questions))
-    assert fitting.questions[0].words.startswith("Nothing here looks like a c")
+    window.wait(lambda: bool(window.fitting.questions))
+    assert window.fitting.questions[0].words.startswith("Nothing here looks like a c")
     names = "###leave photo", "###point at it", "as chairs", "as cars"
     places = [window.ctx.item_info(f"//Photo/{name}").rect_full.min for name in names]
     assert all((places[0].y, places[0].x) < (place.y, place.x) for place in places[1:])
     window.click("Photo/###leave photo")
-    assert not fitting.pending and not fitting.running
+    assert not window.fitting.pending and not window.fitting.running
     window.context.drop([str(photo)])
-    window.wait(lambda: bool(fitting.questions))
+    window.wait(lambda: bool(window.fitting.questions))
     window.click("Photo/as cars")  # a toy that the detector misses
-    window.wait(lambda: not fitting.running)
+    window.wait(lambda: not window.fitting.running)
     assert window.session.editor.model.category == "cars"
 
 
 @in_window()
 def test_a_photo_whose_file_is_gone_is_fitted_once_the_file_is_found(window: Driver, photo: Path) -> None:
-    fitting = window.session.fitting
     moved = photo.with_name("moved.png")
     content = photo.read_bytes()
     photo.unlink()
-    fitting.fit(PhotoSource(photo))
-    window.wait(lambda: bool(fitting.questions))
+    window.fitting.fit(PhotoSource(photo))
+    window.wait(lambda: bool(window.fitting.questions))
     window.click("Library/**/waits block.png")
     assert not window.exists("Photo/###try again"), "it would fail again"
     window.click("Photo/###find photo")
     assert window.context.files.asking
     moved.write_bytes(content)
-    window.session.answers.relocate(fitting.questions[0], moved)
-    window.wait(lambda: not fitting.running)
-    assert not fitting.pending and window.session.editor.objects.own == ["moved"]
+    window.session.answers.relocate(window.fitting.questions[0], moved)
+    window.wait(lambda: not window.fitting.running)
+    assert not window.fitting.pending and window.session.editor.objects.own == ["moved"]
 
 
 @in_window()
 def test_a_photo_that_is_back_is_tried_again(window: Driver, photo: Path) -> None:
-    fitting = window.session.fitting
     content = photo.read_bytes()
     photo.unlink()
-    fitting.fit(PhotoSource(photo))
-    window.wait(lambda: bool(fitting.questions))
+    window.fitting.fit(PhotoSource(photo))
+    window.wait(lambda: bool(window.fitting.questions))
     window.click("Library/**/waits block.png")
     photo.write_bytes(content)
     window.wait(lambda: window.exists("Photo/###try again"))
     window.click("Photo/###try again")
-    window.wait(lambda: not fitting.running)
+    window.wait(lambda: not window.fitting.running)
     assert window.session.editor.objects.own == ["block"]

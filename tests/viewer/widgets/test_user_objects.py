@@ -32,11 +32,10 @@ def test_fitted_objects_are_renamed_removed_and_last(drive: Drive, photo: Path, 
     folder = tmp_path / "config"
 
     def first(window: Driver) -> None:
-        editor = window.session.editor
         window.fit(photo)
-        colour = user_objects.colour_of(editor.objects["block"])
+        colour = user_objects.colour_of(window.editor.objects["block"])
         window.fit(photo)
-        assert editor.objects.own[:2] == ["block (2)", "block"]
+        assert window.editor.objects.own[:2] == ["block (2)", "block"]
         window.ctx.mouse_move("//View/orbit")
         screen = window.capture()
         box = window.ctx.item_info("//Library/**/show block").rect_full
@@ -47,20 +46,19 @@ def test_fitted_objects_are_renamed_removed_and_last(drive: Drive, photo: Path, 
         window.ctx.item_click("//**/##new name")
         window.ctx.key_chars_replace_enter("Red chair")
         window.ctx.yield_(3)
-        assert editor.objects.own[:2] == ["block (2)", "Red chair"]
+        assert window.editor.objects.own[:2] == ["block (2)", "Red chair"]
         window.undo()
-        assert editor.state.mix.a.shape == "Red chair"
+        assert window.editor.state.mix.a.shape == "Red chair"
         window.choose("block (2)", "###remove object")
-        assert editor.objects.own[0] == "Red chair"
+        assert window.editor.objects.own[0] == "Red chair"
         window.redo()  # undo comes back to what was removed
-        assert editor.state.mix.a.shape == "block (2)"
+        assert window.editor.state.mix.a.shape == "block (2)"
 
     def second(window: Driver) -> None:
         window.menu("File/###new_project")
-        editor = window.session.editor
-        assert [added.name for added in editor.objects.added] == ["Red chair"]
+        assert [added.name for added in window.editor.objects.added] == ["Red chair"]
         window.click("Library/**/show Red chair")
-        assert editor.scene.instance == editor.objects["Red chair"].instance
+        assert window.editor.scene.instance == window.editor.objects["Red chair"].instance
 
     drive(first, folder=folder)
     drive(second, folder=folder)
@@ -181,56 +179,53 @@ def test_random_codes_and_mixes_of_an_object_are_no_version_of_it(window: Driver
 @in_window()
 def test_names_with_signs_of_imgui_are_shown_whole(window: Driver, photo: Path) -> None:
     """Their tiles are not one, though imgui forgets what precedes ###, and their menus hide nothing after ##."""
-    editor = window.session.editor
     tiles = {}
     for name in ("left###chair", "right###chair"):
         window.fit(photo)
-        window.session.rename(editor.state.mix.a.shape, name)
+        window.session.rename(window.editor.state.mix.a.shape, name)
         window.ctx.yield_(3)
         tiles[name] = f"Library/**/{as_label(f'show {name}')}"
     for name in (*tiles, *reversed(tiles)):
         window.click(tiles[name])
-        assert editor.state.mix.a.shape == name
+        assert window.editor.state.mix.a.shape == name
 
 
 def fit_and_paint(window: Driver, photo: Path) -> list[Instance]:
     """Fit a photo, paint the object red, and blue after undo; return the versions as fitted, blue and red."""
-    editor = window.session.editor
     window.fit(photo)
-    fitted = editor.scene.instance
+    fitted = window.editor.scene.instance
     red = paint(window, (1.0, 0.0, 0.0))
     window.undo()
     versions = [fitted, paint(window, (0.0, 0.0, 1.0)), red]  # what undo left behind is a version
-    assert editor.objects.own == ["block"] and editor.objects.states("block") == versions
+    assert window.editor.objects.own == ["block"] and window.editor.objects.states("block") == versions
     return versions
 
 
 @in_window()
 def test_versions_are_tiles_under_their_object(window: Driver, photo: Path) -> None:
-    editor = window.session.editor
     versions = fit_and_paint(window, photo)
     window.click("Library/**/version 2 of block")
-    assert editor.scene.instance == versions[2]
+    assert window.editor.scene.instance == versions[2]
     window.undo()
-    assert editor.scene.instance == versions[1]
-    added = editor.objects.ever_added
+    assert window.editor.scene.instance == versions[1]
+    added = window.editor.objects.ever_added
     window.click("Library/**/version 0 of block", 1)
     window.press(imgui.Key.escape)
-    assert editor.objects.ever_added == added  # a menu adds nothing
+    assert window.editor.objects.ever_added == added  # a menu adds nothing
     window.click("Library/**/version 2 of block", 1)
     window.click("**/Make it B")
     window.ctx.yield_(3)
-    assert window.exists("Mix/mix pad") and editor.objects[editor.state.mix.b].instance == versions[2]
+    assert window.exists("Mix/mix pad") and window.editor.objects[window.editor.state.mix.b].instance == versions[2]
     window.drag("Mix/mix pad", 100)
-    mixed = editor.scene.instance
-    assert editor.objects.states("block") == versions
+    mixed = window.editor.scene.instance
+    assert window.editor.objects.states("block") == versions
     window.click("Library/**/version 1 of block")
-    assert editor.objects.states("block") == [*versions, mixed]
+    assert window.editor.objects.states("block") == [*versions, mixed]
     window.click("Library/**/version 2 of block", 1)
     window.click("**/###remove object")
-    assert editor.objects.states("block") == [*versions[:2], mixed]
+    assert window.editor.objects.states("block") == [*versions[:2], mixed]
     window.undo()
-    assert editor.objects.states("block") == [*versions, mixed]
+    assert window.editor.objects.states("block") == [*versions, mixed]
 
 
 def test_versions_and_their_names_last(drive: Drive, photo: Path, tmp_path: Path) -> None:
@@ -262,20 +257,19 @@ def test_versions_and_their_names_last(drive: Drive, photo: Path, tmp_path: Path
 
 @in_window()
 def test_reset_and_another_branch_leave_the_edits_of_before_as_versions(window: Driver, photo: Path) -> None:
-    editor = window.session.editor
     window.fit(photo)
-    fitted = editor.scene.instance
+    fitted = window.editor.scene.instance
     red = paint(window, (1.0, 0.0, 0.0))
-    editor.reset()
-    assert editor.scene.instance == fitted and editor.objects.states("block") == [fitted, red]
+    window.editor.reset()
+    assert window.editor.scene.instance == fitted and window.editor.objects.states("block") == [fitted, red]
     blue = paint(window, (0.0, 0.0, 1.0))
     window.undo()
     window.undo()
-    assert editor.scene.instance == red
+    assert window.editor.scene.instance == red
     green = paint(window, (0.0, 1.0, 0.0))
-    assert editor.objects.states("block") == [fitted, green, red, blue]
+    assert window.editor.objects.states("block") == [fitted, green, red, blue]
     window.click("History/branch 1")
-    assert set(editor.objects.states("block")) == {fitted, green, red, blue}
+    assert set(window.editor.objects.states("block")) == {fitted, green, red, blue}
 
 
 def test_a_tooltip_tells_two_fits_of_a_photo_apart(model: Model) -> None:

@@ -84,14 +84,13 @@ def test_a_failed_fit_keeps_photo_and_cut_out_to_try_again(
 ) -> None:
     def act(window: Driver) -> None:
         session = window.session
-        fitting = window.session.fitting
         working = session.jobs.backend
         session.jobs.backend = replace(working, **fault)  # type: ignore[arg-type]
         window.context.drop([str(photo)])
-        window.wait(lambda: bool(fitting.questions))
+        window.wait(lambda: bool(window.fitting.questions))
         photo.unlink()  # a photo in the clipboard, or on a stick that is pulled out
         window.click("Photo/###as chairs")
-        window.wait(lambda: not fitting.running)
+        window.wait(lambda: not window.fitting.running)
         window.wait()
         assert session.messages.errors, "the reason is said"
         assert window.exists("Library/**/waits block.png")
@@ -101,26 +100,25 @@ def test_a_failed_fit_keeps_photo_and_cut_out_to_try_again(
         window.click("Library/**/waits block.png")
         session.jobs.backend = working
         window.click("Photo/###try again")
-        window.wait(lambda: not fitting.running)
+        window.wait(lambda: not window.fitting.running)
         assert session.editor.objects.own == ["block"]
         assert session.editor.model.category == "chairs"
-        assert not fitting.pending
+        assert not window.fitting.pending
 
     drive(act, replace(both, cut_out=doubted))
 
 
 @in_window()
 def test_a_photo_that_cannot_be_read_is_tried_again_or_removed(window: Driver, photo: Path) -> None:
-    fitting = window.session.fitting
     content = photo.read_bytes()
     photo.unlink()
     for button, answer in ((0, "Photo/###try again"), (1, "**/###remove waiting")):
-        fitting.fit(PhotoSource(photo))
-        window.wait(lambda: bool(fitting.questions))
+        window.fitting.fit(PhotoSource(photo))
+        window.wait(lambda: bool(window.fitting.questions))
         window.click("Library/**/waits block.png", button)
         photo.write_bytes(content)
         window.click(answer)
-        window.wait(lambda: not fitting.pending)
+        window.wait(lambda: not window.fitting.pending)
         photo.unlink()
     assert window.session.editor.objects.own == ["block"]
 
@@ -128,14 +126,13 @@ def test_a_photo_that_cannot_be_read_is_tried_again_or_removed(window: Driver, p
 @in_window()
 def test_a_hand_made_cut_out_is_fitted_without_the_file(window: Driver, photo: Path) -> None:
     segmenting = window.session.segmenting
-    fitting = window.session.fitting
     segmenting.open((PhotoSource(photo),), 0)
     window.wait(lambda: segmenting.settled)
     segmenting.set_hints(Hints(box=(0.2, 0.1, 0.8, 0.9)))
     window.wait(lambda: segmenting.settled)
     photo.unlink()
     window.click("**/###fit segmentation")
-    window.wait(lambda: not fitting.running)
+    window.wait(lambda: not window.fitting.running)
     assert window.session.editor.objects.own == ["block"]
 
 
@@ -191,24 +188,22 @@ def test_a_photo_that_waits_is_fitted_as_dropped_though_its_file_changes_and_the
         return quick_photo(cut, model, source)
 
     def first(window: Driver) -> None:
-        fitting = window.session.fitting
         for path in (photo, changed, gone):
             window.context.drop([str(path)])
-        window.wait(lambda: len(fitting.questions) == 3 if asked else len(fitting.history.steps) > 1)
+        window.wait(lambda: len(window.fitting.questions) == 3 if asked else len(window.fitting.history.steps) > 1)
         Image.new("RGB", (96, 96), "green").save(changed)
         gone.unlink()
         window.wait(lambda: window.session.recording.is_up_to_date)
         folders.append(killed(folders[0]))
 
     def second(window: Driver) -> None:
-        fitting = window.session.fitting
         if asked:
-            window.wait(lambda: len(fitting.questions) == 3)
+            window.wait(lambda: len(window.fitting.questions) == 3)
             assert all(window.exists(f"Library/**/waits block{name}.png") for name in ("", " b", " c"))
             for _ in range(3):
                 window.click("Photo/###as chairs")
-                window.wait(lambda: not fitting.running)
-        window.wait(lambda: not fitting.pending)
+                window.wait(lambda: not window.fitting.running)
+        window.wait(lambda: not window.fitting.pending)
         assert window.session.messages.errors == []
         assert {"block", "block b", "block c"} <= set(window.session.editor.objects.own)
 
@@ -221,17 +216,15 @@ def test_a_photo_that_waits_is_fitted_as_dropped_though_its_file_changes_and_the
 
 @in_window("both")
 def test_a_chosen_object_takes_the_place_of_a_question_until_its_tile_is_clicked(window: Driver, photo: Path) -> None:
-    session = window.session
-    fitting = window.session.fitting
-    session.jobs.backend = replace(session.jobs.backend, fit=failing_fit)
+    window.session.jobs.backend = replace(window.session.jobs.backend, fit=failing_fit)
     window.context.drop([str(photo)])
-    window.wait(lambda: bool(fitting.questions))
-    name = session.editor.state.mix.a.shape
+    window.wait(lambda: bool(window.fitting.questions))
+    name = window.session.editor.state.mix.a.shape
     for cut_out in (read_cut_out, doubted):
-        session.jobs.backend = replace(session.jobs.backend, cut_out=cut_out)
+        window.session.jobs.backend = replace(window.session.jobs.backend, cut_out=cut_out)
         if cut_out is doubted:
             window.context.drop([str(path) for path in blocks(photo, "b")])
-            window.wait(lambda: len(fitting.questions) == 2)
+            window.wait(lambda: len(window.fitting.questions) == 2)
         tile = "waits block b.png" if cut_out is doubted else "waits block.png"
         window.click(f"Library/**/{tile}")
         assert window.exists("Photo/###leave photo")
