@@ -17,14 +17,14 @@ def test_one_of_each_form_is_listed_and_its_variants_fold_out(drive: Drive, back
     varied = replace(model, codes=book)
 
     def act(window: Driver) -> None:
-        mix = window.session.editor.state.mix
+        mix = window.editor.state.mix
         assert mix.a.shape == "kenney_chair"
         assert mix.b.startswith("object")  # an unlike one, not a variant
         assert window.exists("Library/**/show object 5")
         assert not window.exists("Library/**/show kenney_chair-look1")
         window.click("Library/**/variants of kenney_chair")
         window.click("Library/**/show kenney_chair-look1")
-        assert window.session.editor.state.mix.a.shape == "kenney_chair-look1"
+        assert window.editor.state.mix.a.shape == "kenney_chair-look1"
         window.click("Library/**/variants of kenney_chair")
         assert not window.exists("Library/**/show kenney_chair-look1")
 
@@ -54,7 +54,7 @@ def test_forty_photos_are_fitted_one_after_the_other(drive: Drive, backend: Back
         assert top(window, "Photo/**/###point at it") < 800  # the photo is in sight
         fit.may_end.set()
         window.wait(lambda: not window.fitting.running and not window.fitting.waiting.requests)
-        assert window.session.editor.objects.own == [path.stem for path in reversed(paths)]
+        assert window.editor.objects.own == [path.stem for path in reversed(paths)]
         assert not window.fitting.pending
         assert not window.session.jobs.messages.errors
 
@@ -65,9 +65,9 @@ def test_forty_photos_are_fitted_one_after_the_other(drive: Drive, backend: Back
 def test_what_was_fitted_is_mine(window: Driver, photo: Path) -> None:
     window.click("View/**/###fit_image")
     window.type(str(photo))
-    window.wait(lambda: not window.session.fitting.running)
+    window.wait(lambda: not window.fitting.running)
     window.wait()
-    assert window.session.editor.objects.own == ["block"]
+    assert window.editor.objects.own == ["block"]
     second = photo.with_name("block two.png")
     second.write_bytes(photo.read_bytes())
     window.fit(second)
@@ -78,7 +78,7 @@ def test_what_was_fitted_is_mine(window: Driver, photo: Path) -> None:
     assert window.fitting.history.photo.source.path == second
     window.click("Library/**/show object 3")
     window.click("Library/**/show block")
-    assert window.session.editor.state.mix.a == ("block", "block")
+    assert window.editor.state.mix.a == ("block", "block")
 
 
 def test_photos_under_way_are_tiles_that_can_be_stopped_or_removed(drive: Drive, backend: Backend, photo: Path) -> None:
@@ -87,7 +87,7 @@ def test_photos_under_way_are_tiles_that_can_be_stopped_or_removed(drive: Drive,
         path.write_bytes(photo.read_bytes())
 
     def act(window: Driver) -> None:
-        fitting = window.session.fitting
+        fitting = window.fitting
         for path in paths:
             window.context.drop([str(path)])
         window.wait(
@@ -158,10 +158,8 @@ def test_arrow_keys_go_from_tile_to_tile_with_a_ring_and_enter_shows_one(window:
 @in_window(fixture="both")
 def test_a_category_lists_the_fitted_objects_of_it_first(window: Driver, photo: Path) -> None:
     window.fit(photo)
-    chairs, cars = window.session.models
-    if chairs.category != "chairs":
-        chairs, cars = cars, chairs
-    for filter_id, is_listed in ((cars.fingerprint, False), (chairs.fingerprint, True), ("mine", True)):
+    filters = {model.category: model.fingerprint for model in window.session.models}
+    for filter_id, is_listed in ((filters["cars"], False), (filters["chairs"], True), ("mine", True)):
         window.click(f"Library/**/###{filter_id}")
         window.ctx.yield_(2)
         assert window.exists("Library/**/show block") == is_listed

@@ -13,10 +13,10 @@ from viewer.panels.menu import MENUS
 def test_files_opened_lately_are_in_the_menu(window: Driver, photo: Path, tmp_path: Path) -> None:
     window.drag("View/orbit", 80)
     scene = window.editor.scene
-    window.session.editor.scene.save(tmp_path / "mine.json")
+    window.editor.scene.save(tmp_path / "mine.json")
     window.context.drop([str(tmp_path / "mine.json")])
     window.context.drop([str(photo)])
-    window.wait(lambda: not window.session.fitting.running)
+    window.wait(lambda: not window.fitting.running)
     window.wait()
     assert [Path(name).name for name in window.context.preferences.recent] == ["block.png", "mine.json"]
     window.menu("File/Recent/###recent 2")
@@ -115,7 +115,7 @@ def test_images_are_pasted(window: Driver, photo: Path, monkeypatch: pytest.Monk
     window.wait(lambda: len(window.session.messages.errors) == 2)
     assert "xclip" in window.session.messages.errors[1]
     window.menu("Edit/###paste")
-    window.wait(lambda: bool(window.session.fitting.history.steps) and not window.session.fitting.running)
+    window.wait(lambda: bool(window.fitting.history.steps) and not window.fitting.running)
     assert window.editor.objects.own[0] == "block"
     imgui.set_clipboard_text(photo.as_uri())
     window.press(imgui.Key.mod_ctrl, imgui.Key.v)
@@ -126,40 +126,40 @@ def test_images_are_pasted(window: Driver, photo: Path, monkeypatch: pytest.Monk
 def test_projects_are_saved_opened_dropped_and_recent(window: Driver, photo: Path, tmp_path: Path) -> None:
     window.fit(photo)
     window.drag("View/orbit", 60)
-    made = window.session.editor.history
+    made = window.editor.history
     ctrl = imgui.Key.mod_ctrl
     window.press(ctrl, imgui.Key.s)
     window.type(str(tmp_path / "chair"))
     assert (tmp_path / "chair.codenerf").is_file()
     window.press(imgui.Key._2)  # a step of its own, as another drag would not be
-    again = window.session.editor.history
+    again = window.editor.history
     window.press(ctrl, imgui.Key.s)  # where it was saved before
     assert not window.context.files.asking
     window.press(ctrl, imgui.Key.n)
-    assert not window.session.editor.history.past
+    assert not window.editor.history.past
     assert window.session.project_path is None
     window.press(ctrl, imgui.Key.o)
     window.type(str(tmp_path / "chair.codenerf"))
-    assert window.session.editor.history == again
-    window.wait(lambda: window.session.fitting.history.photo is not None)
+    assert window.editor.history == again
+    window.wait(lambda: window.fitting.history.photo is not None)
     window.menu("File/###new_project")
     window.context.drop([str(tmp_path / "chair.codenerf")])
-    assert window.session.editor.history == again
+    assert window.editor.history == again
     window.menu("File/###new_project")
     window.menu("File/Recent/###recent 1")
-    assert window.session.editor.history == again
+    assert window.editor.history == again
     window.undo()
-    assert window.session.editor.state == made.now
+    assert window.editor.state == made.now
     window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.s)
     window.type(str(tmp_path / "chair.codenerf"))  # it is there: that asks
     assert window.context.files.asking
-    before = (tmp_path / "chair.codenerf").read_bytes()
+    saved_bytes = (tmp_path / "chair.codenerf").read_bytes()
     window.ctx.item_click("//Choose a file###ask/Cancel")
     window.ctx.yield_(2)
-    assert (tmp_path / "chair.codenerf").read_bytes() == before
+    assert (tmp_path / "chair.codenerf").read_bytes() == saved_bytes
     window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.s)
     window.type(str(tmp_path / "chair.codenerf"))
     window.ctx.item_click("//Choose a file###ask/###choose")
     window.ctx.yield_(2)
     assert not window.context.files.asking
-    assert (tmp_path / "chair.codenerf").read_bytes() != before
+    assert (tmp_path / "chair.codenerf").read_bytes() != saved_bytes

@@ -20,7 +20,7 @@ def test_the_keyboard_reaches_every_mix(window: Driver) -> None:
     key = imgui.Key
 
     def mix() -> Mix:
-        return window.session.editor.state.mix
+        return window.editor.state.mix
 
     window.click("Mix/slot B")
     for pressed in (*[key.down_arrow] * 5, key.space):
@@ -41,15 +41,15 @@ def test_a_drag_after_a_key_is_not_lost(window: Driver) -> None:
     corner = window.ctx.item_info("//Mix/slot B").rect_full.get_bl()
     window.ctx.mouse_move_to_pos(corner + ImVec2(60, 60))
     window.drag("Mix/mix pad", 60, 0)
-    assert window.session.editor.state.mix.shape > 0.5
+    assert window.editor.state.mix.shape > 0.5
 
 
 @in_window()
 def test_the_pad_mixes_shape_across_and_texture_upwards(window: Driver, model: Model) -> None:
-    editor = window.session.editor
+    editor = window.editor
     window.click("Library/**/show object 2")
     window.choose("object 4", "Make it B")
-    before = editor.state
+    unmixed = editor.state
     pad = window.ctx.item_info("//Mix/mix pad").rect_full
     inset = (pad.max.x - pad.min.x) / 10
     dot = ImVec2(pad.min.x + inset, pad.max.y - inset)
@@ -64,10 +64,10 @@ def test_the_pad_mixes_shape_across_and_texture_upwards(window: Driver, model: M
     assert editor.state.mix.texture == pytest.approx(0, abs=0.02)
     window.press(imgui.Key.escape)
     window.ctx.mouse_move_to_pos(dot + ImVec2(5 * inset, 0))  # still held: the drag is over
-    assert editor.state.mix == before.mix
+    assert editor.state.mix == unmixed.mix
     window.ctx.mouse_up(0)
-    assert editor.state == before and not editor.history.gesture
-    assert editor.history.states[-1] is editor.state and before.scene == editor.state.scene  # nothing to redo
+    assert editor.state == unmixed and not editor.history.gesture
+    assert editor.history.states[-1] is editor.state and unmixed.scene == editor.state.scene  # nothing to redo
     window.click("Mix/mix pad")
     assert editor.state.mix.shape == pytest.approx(0.5, abs=0.05)
     assert editor.state.mix.texture == pytest.approx(0.5, abs=0.05)
@@ -80,4 +80,4 @@ def test_the_pad_mixes_shape_across_and_texture_upwards(window: Driver, model: M
     window.undo()
     assert editor.state == middle
     window.undo()
-    assert editor.state == before
+    assert editor.state == unmixed

@@ -49,13 +49,13 @@ def test_photo_and_view_are_compared_from_the_photo_s_camera(window: Driver, pho
     window.wait()
     assert context.tool == "wipe"
     assert window.editor.scene.camera == window.session.photo_camera != first
-    before = window.editor.history
+    history = window.editor.history
     window.drag("View/orbit", -400)
     render = window.capture()
     window.drag("View/orbit", 400)
     np.testing.assert_allclose(window.capture()[middle], (200, 30, 30), atol=12)  # the red block
     assert abs(render[middle] - (200, 30, 30)).max() > 30
-    assert window.editor.history is before
+    assert window.editor.history is history
     window.press(imgui.Key._4)
     assert context.tool == "turn"
     np.testing.assert_allclose(window.capture()[middle], render[middle], atol=3)
@@ -71,7 +71,7 @@ def test_photo_and_view_are_compared_from_the_photo_s_camera(window: Driver, pho
 def test_detail_is_erased_on_the_object_with_a_brush_of_any_size(window: Driver, model: Model, tmp_path: Path) -> None:
     window.editor.add_and_show(fitted(model), window.editor.scene.camera)
     window.show("Photo")
-    before = window.editor.state
+    unerased = window.editor.state
 
     def erased() -> tuple[Erasure, ...]:
         detail = window.editor.scene.instance.detail
@@ -96,7 +96,7 @@ def test_detail_is_erased_on_the_object_with_a_brush_of_any_size(window: Driver,
     for _ in range(3):
         window.undo()
     assert erased() == ()
-    assert window.editor.state == before
+    assert window.editor.state == unerased
 
 
 @in_window()
@@ -129,7 +129,7 @@ def test_a_doubtful_fit_alone_offers_its_other_viewpoint(drive: Drive, backend: 
             return
         window.click("Photo/###viewpoint")
         assert window.editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
-        assert window.session.fitting.view.from_runner_up
+        assert window.fitting.view.from_runner_up
         assert window.editor.scene.instance == after_fit.scene.instance
         window.click("Photo/###viewpoint")
         assert window.editor.scene.camera.azimuth == pytest.approx(1.0)
@@ -138,7 +138,7 @@ def test_a_doubtful_fit_alone_offers_its_other_viewpoint(drive: Drive, backend: 
         assert window.editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
         window.click("Photo/###viewpoint")
         window.click("Photo/###fit from here")
-        window.wait(lambda: not window.session.fitting.running)
+        window.wait(lambda: not window.fitting.running)
         assert len(window.editor.objects.own) == 2
 
     drive(act, replace(backend, fit=rated))
@@ -154,7 +154,7 @@ def test_a_new_photo_is_not_shown_as_the_object_on_screen(
         return read_cut_out(path, hints)
 
     def act(window: Driver) -> None:
-        window.session.editor.add_and_show(fitted(model), window.session.editor.scene.camera)
+        window.editor.add_and_show(fitted(model), window.editor.scene.camera)
         window.show("Photo")
         assert window.exists("Photo/photo")
         try:
@@ -165,7 +165,7 @@ def test_a_new_photo_is_not_shown_as_the_object_on_screen(
             assert window.exists("View/badge")  # it is still the object before
         finally:
             goes_on.set()
-        window.wait(lambda: not window.session.fitting.running)
+        window.wait(lambda: not window.fitting.running)
 
     drive(act, replace(backend, cut_out=slow))
 
@@ -178,7 +178,7 @@ def test_the_panel_shows_the_fit_of_the_object_in_the_view(
 
     def act(window: Driver) -> None:
         session = window.session
-        editor = window.session.editor
+        editor = window.editor
         assert not window.exists("Photo/##photo detail")
         editor.add_and_show(fitted(model), editor.scene.camera)
         window.show("Photo")
@@ -243,7 +243,7 @@ def test_paint_is_picked_from_photo_and_view_and_taken_off(window: Driver, model
     window.editor.add_and_show(fitted(model), window.editor.scene.camera)
     window.show("Photo")
     window.wait()
-    before = window.editor.state
+    unpainted = window.editor.state
     past = len(window.editor.history.past)
     for red in (0.2, 0.5, 0.9):  # a drag over colours
         window.session.painting.paint((red, 0.0, 0.0))
@@ -260,15 +260,15 @@ def test_paint_is_picked_from_photo_and_view_and_taken_off(window: Driver, model
     assert window.context.tool == "turn"
     assert len(window.editor.history.past) == past + 3
     window.click("Photo/###original paint")
-    assert window.editor.scene.instance == before.scene.instance
+    assert window.editor.scene.instance == unpainted.scene.instance
     for _ in range(4):
         window.undo()
-    assert window.editor.state == before
+    assert window.editor.state == unpainted
 
 
 @in_window(paint=quick_paint, paint_colour=quick_colour)
 def test_esc_ends_a_drag_over_colours_without_a_paint(window: Driver) -> None:
-    before = window.editor.state
+    unpainted = window.editor.state
     window.show("Photo")
     window.wait()
     window.click("Photo/###paint")
@@ -279,12 +279,12 @@ def test_esc_ends_a_drag_over_colours_without_a_paint(window: Driver) -> None:
     window.press(imgui.Key.escape)
     window.ctx.mouse_up(0)
     window.wait()
-    assert window.editor.state == before and not window.context.preferences.paints
+    assert window.editor.state == unpainted and not window.context.preferences.paints
 
 
 @in_window(paint=quick_paint, paint_colour=quick_colour)
 def test_one_click_on_a_swatch_paints_and_other_colours_are_remembered(window: Driver) -> None:
-    past = len(window.session.editor.history.past)
+    past = len(window.editor.history.past)
     window.show("Photo")
     window.wait()
     name, paint = next(iter(paints_of(window.session.painting.part).items()))
@@ -298,12 +298,12 @@ def test_one_click_on_a_swatch_paints_and_other_colours_are_remembered(window: D
     window.press(imgui.Key.escape)
     window.wait()
     assert len(window.editor.history.past) == past + 2
-    (chosen,) = window.context.preferences.paints
-    assert newest_paint(window.editor) == pytest.approx(rgb(chosen), abs=0.01)
+    (remembered,) = window.context.preferences.paints
+    assert newest_paint(window.editor) == pytest.approx(rgb(remembered), abs=0.01)
     window.undo()
     window.click("Photo/###swatch 13")
     window.wait()
-    assert newest_paint(window.editor) == pytest.approx(rgb(chosen), abs=0.01)
+    assert newest_paint(window.editor) == pytest.approx(rgb(remembered), abs=0.01)
     window.undo()
     window.undo()
     assert len(window.editor.history.past) == past
@@ -313,11 +313,11 @@ def test_one_click_on_a_swatch_paints_and_other_colours_are_remembered(window: D
 def test_the_strength_of_the_photo_detail_is_a_slider(window: Driver, model: Model) -> None:
     window.editor.add_and_show(fitted(model), window.editor.scene.camera)
     window.show("Photo")
-    before = window.editor.state
+    full_strength = window.editor.state
     window.drag("Photo/##photo detail", -60)
     assert window.editor.scene.instance.detail.strength < 1
     window.undo()
-    assert window.editor.state == before
+    assert window.editor.state == full_strength
 
 
 def test_several_photos_are_fitted_together(drive: Drive, photo: Path, tmp_path: Path) -> None:
@@ -403,23 +403,23 @@ def test_a_swatch_never_shows_the_colour_of_another_object(drive: Drive, backend
         return (yield from quick_colour(instance, part_name))
 
     def swatch(window: Driver) -> np.ndarray:
-        place = window.ctx.item_info("//Photo/###paint").rect_full.get_center()
-        return window.capture()[int(place.y), int(place.x)]
+        centre = window.ctx.item_info("//Photo/###paint").rect_full.get_center()
+        return window.capture()[int(centre.y), int(centre.x)]
 
     def act(window: Driver) -> None:
         window.show("Photo")
         window.wait()
-        before = swatch(window)
+        first_colour = swatch(window)
         may_measure.clear()
         window.click("Library/**/show object 3")
         window.wait_for_view()
         window.ctx.yield_(3)
         assert window.session.painting.colour is None
-        assert np.abs(swatch(window) - 128).max() < 3 < np.abs(before - 128).max()  # grey
+        assert np.abs(swatch(window) - 128).max() < 3 < np.abs(first_colour - 128).max()  # grey
         may_measure.set()
         window.wait(lambda: window.session.painting.colour is not None)
         window.ctx.yield_(2)
-        colour = 255 * window.session.editor.scene.instance.codes.texture[:3].clamp(0, 1).numpy()
+        colour = 255 * window.editor.scene.instance.codes.texture[:3].clamp(0, 1).numpy()
         assert np.abs(swatch(window) - colour).max() < 3
 
     drive(act, replace(backend, paint_colour=slow_colour))

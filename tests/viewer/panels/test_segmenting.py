@@ -41,14 +41,14 @@ class _Canvas:
         high = self.box.max
         return imgui.ImVec2(low.x + x * (high.x - low.x), low.y + y * (high.y - low.y))
 
-    def draw(self, *places: tuple[float, float]) -> None:
+    def draw(self, *fractions: tuple[float, float]) -> None:
         """A stroke through these places, or a box between the first and the last."""
         ctx = self.window.ctx
-        first, *later = (self.place(*place) for place in places)
+        first, *later = (self.place(*position) for position in fractions)
         ctx.mouse_move_to_pos(first)
         ctx.mouse_down()
-        for place in later:
-            ctx.mouse_move_to_pos(place)
+        for position in later:
+            ctx.mouse_move_to_pos(position)
             ctx.yield_()
         ctx.mouse_up()
         self.window.wait()
@@ -70,12 +70,12 @@ def _drop(window: Driver, photo: Path) -> _Canvas:
 @in_window(load_model=lambda name: tiny_model())
 def test_a_photo_on_busy_background_is_segmented_by_strokes(window: Driver, busy: Path) -> None:
     segmenting = window.session.segmenting
-    before = window.editor.history
+    history = window.editor.history
     canvas = _drop(window, busy)
     window.press(imgui.Key.f1)
     assert not window.context.help_open
     assert window.session.messages.errors == []
-    assert window.editor.history is before
+    assert window.editor.history is history
     canvas.draw(*_BOX)
     assert segmenting.hints.box == pytest.approx((0.15, 0.15, 0.7, 0.85), abs=0.01)
     assert canvas.covered(0.38, 0.5)
@@ -110,24 +110,24 @@ def _room(names: tuple[str, ...], seed: int) -> tuple[Image.Image, list[np.ndarr
     floor = rng.uniform(60, 130, 3)
     paint = np.where(np.arange(size[0])[:, None, None] < 200, wall, floor) + rng.normal(0, 8, (*size, 3))
     room = Image.fromarray(paint.clip(0, 255).astype(np.uint8))
-    places = []
+    masks = []
     for number, name in enumerate(names):
         cut = read_cut_out(_SAMPLES / f"{name}.png")
         corner = (200 * number, 40 + 10 * number)
         values = np.dstack((cut.pixels, cut.opacity)) * 255
         image = Image.fromarray(values.astype(np.uint8)).resize((256, 256), Image.Resampling.BICUBIC)
         room.paste(image, corner, image)
-        place = Image.new("L", room.size)
-        place.paste(image.getchannel("A"), corner)
-        places.append(np.asarray(place) > 127)
-    return room, places
+        pasted_mask = Image.new("L", room.size)
+        pasted_mask.paste(image.getchannel("A"), corner)
+        masks.append(np.asarray(pasted_mask) > 127)
+    return room, masks
 
 
-def _inside(place: np.ndarray) -> tuple[float, float]:
+def _inside(mask: np.ndarray) -> tuple[float, float]:
     """A place on the object, next to its middle, in shares of width and height."""
-    rows, columns = np.nonzero(place)
+    rows, columns = np.nonzero(mask)
     nearest = np.hypot(rows - rows.mean(), columns - columns.mean()).argmin()
-    return (columns[nearest] + 0.5) / place.shape[1], (rows[nearest] + 0.5) / place.shape[0]
+    return (columns[nearest] + 0.5) / mask.shape[1], (rows[nearest] + 0.5) / mask.shape[0]
 
 
 @pytest.mark.slow  # the network beside a window that is drawn without end
@@ -141,14 +141,14 @@ def test_one_click_finds_each_of_several_objects(
 
     def act(window: Driver) -> None:
         segmenting = window.session.segmenting
-        for number, (room, places) in enumerate(rooms):
+        for number, (room, masks) in enumerate(rooms):
             room.save(tmp_path / f"{number}.png")
             canvas = _drop(window, tmp_path / f"{number}.png")
-            for place in places:
-                canvas.draw(_inside(place))
+            for expected_mask in masks:
+                canvas.draw(_inside(expected_mask))
                 assert len(segmenting.hints.points) == 1
                 mask = segmenting.result.cut.mask
-                assert (mask & place).sum() / (mask | place).sum() > 0.8
+                assert (mask & expected_mask).sum() / (mask | expected_mask).sum() > 0.8
             window.click("Cut out###segment/**/###cancel segmentation")
 
     drive(act, replace(backend, load_model=lambda name: tiny_model()))
@@ -161,9 +161,9 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(window: Driver, busy: 
     hints = segmenting.hints
     window.click("Cut out###segment/**/###fit segmentation")
     assert not segmenting.active
-    window.wait(lambda: not window.session.fitting.running)
-    assert window.session.editor.objects.own[0] == "busy"
-    fitted = window.session.fitting.history.photo
+    window.wait(lambda: not window.fitting.running)
+    assert window.editor.objects.own[0] == "busy"
+    fitted = window.fitting.history.photo
     assert fitted.source.hints == hints
     assert fitted.photo.cropped
     window.click("Photo/###point at it")
@@ -186,6 +186,6 @@ def test_a_photo_dropped_on_the_dialog_waits_for_its_end(window: Driver, busy: P
     window.wait()
     assert segmenting.hints == hints
     window.click("Cut out###segment/**/###cancel segmentation")
-    window.wait(lambda: bool(window.session.editor.objects.own))  # the one that was dropped
+    window.wait(lambda: bool(window.editor.objects.own))  # the one that was dropped
     assert not segmenting.active
-    assert window.session.editor.objects.own == ["busy"]
+    assert window.editor.objects.own == ["busy"]

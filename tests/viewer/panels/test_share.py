@@ -70,14 +70,14 @@ def test_share_keeps_its_object_when_a_fit_ends(drive: Drive, backend: Backend, 
         yield last
 
     def act(window: Driver) -> None:
-        before = window.editor.scene.instance
+        shared = window.editor.scene.instance
         window.context.drop([str(photo)])
-        window.wait(lambda: bool(window.session.fitting.history.steps))
+        window.wait(lambda: bool(window.fitting.history.steps))
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)
         may_end.set()
-        window.wait(lambda: not window.session.fitting.running)
+        window.wait(lambda: not window.fitting.running)
         assert window.editor.objects.own == ["block"]
-        assert window.editor.scene.instance is before
+        assert window.editor.scene.instance is shared
 
     drive(act, replace(backend, fit=held))
 
@@ -118,7 +118,7 @@ def test_a_seat_in_five_colours_is_a_page_of_swatches_in_four_actions(drive: Dri
         yield None
 
     def act(window: Driver) -> None:
-        editor = window.session.editor
+        editor = window.editor
         window.context.files.saves = tmp_path
         plain = editor.scene.instance
         for number in range(5):
@@ -172,7 +172,7 @@ def test_the_preview_is_the_first_frame(drive: Drive, real_backend: Backend, mod
     block = filled(model, 100.0)
 
     def act(window: Driver) -> None:
-        editor = window.session.editor
+        editor = window.editor
         camera = editor.scene.camera
         editor.set_camera(replace(camera, distance=0.6 * camera.distance))
         window.context.share("turntable")
@@ -194,7 +194,7 @@ def test_an_image_has_the_chosen_background(drive: Drive, real_backend: Backend,
             window.wait(lambda: (tmp_path / name).exists() and not window.session.exporting.running)
             return Image.open(tmp_path / name)
 
-        editor = window.session.editor
+        editor = window.editor
         editor.set_camera(replace(editor.scene.camera, distance=0.6 * editor.scene.camera.distance))
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)
         window.click("Share/###picture")
@@ -307,7 +307,7 @@ def test_a_cancelled_export_leaves_no_file(drive: Drive, tmp_path: Path, backend
 def test_scenes_and_images_are_saved_and_opened(window: Driver, tmp_path: Path) -> None:
     window.drag("View/orbit", 90, -20)
     scene = window.editor.scene
-    window.session.editor.scene.save(tmp_path / "mine.json")
+    window.editor.scene.save(tmp_path / "mine.json")
     window.menu("File/###share")
     window.click("Share/###picture")
     window.click("Share/###save")
@@ -337,7 +337,7 @@ def test_a_dropped_image_of_this_program_restores_its_scene(drive: Drive, tmp_pa
 
     def act(window: Driver) -> None:
         session = window.session
-        editor = window.session.editor
+        editor = window.editor
         window.drag("View/orbit", 90, -20)
         window.press(imgui.Key.r)
         scene = editor.scene
@@ -350,11 +350,11 @@ def test_a_dropped_image_of_this_program_restores_its_scene(drive: Drive, tmp_pa
         window.click("Library/**/show object 4")
         window.context.drop([str(tmp_path / "mine.png")])
         assert editor.scene == scene
-        before = editor.history
+        history = editor.history
         window.context.drop([str(tmp_path / "other.png")])
         window.wait(lambda: bool(session.messages.errors))
         assert "a model that is not open" in session.messages.errors[0]
-        assert editor.history is before
+        assert editor.history is history
         assert not session.fitting.running
         assert editor.objects.own == ["mine"]
         editor.show_object("object 4")

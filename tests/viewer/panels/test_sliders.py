@@ -20,7 +20,7 @@ from viewer.values.direction import Direction
 def test_sliders_with_words_move_one_direction_and_are_reset(window: Driver) -> None:
     window.show("Sliders")
     window.wait()
-    before = window.editor.state
+    unmoved = window.editor.state
     assert not window.exists("Sliders/**/##shape 2")  # it has no word
     direction = Direction.principal(window.editor.model.codes, "shape", 0)
     low, high = direction.reach(window.editor.scene.instance)
@@ -30,18 +30,18 @@ def test_sliders_with_words_move_one_direction_and_are_reset(window: Driver) -> 
     window.set("Sliders/**/##shape 1", 9.0)
     window.wait()
     assert direction.strength(window.editor.scene.instance) == pytest.approx(high, abs=1e-3)  # a soft stop
-    assert window.editor.scene.instance.codes.texture is before.scene.instance.codes.texture
+    assert window.editor.scene.instance.codes.texture is unmoved.scene.instance.codes.texture
     past = len(window.editor.history.past)
     window.drag("Sliders/**/##texture 1", 70)
     window.wait()
-    assert window.editor.state.scene.instance != before.scene.instance
+    assert window.editor.state.scene.instance != unmoved.scene.instance
     assert len(window.editor.history.past) == past + 1  # a drag is one step
     window.click("Sliders/###reset")
-    assert window.editor.scene.instance == before.scene.instance
+    assert window.editor.scene.instance == unmoved.scene.instance
     window.click("Sliders/###sample")
     while window.editor.history.past:
         window.undo()
-    assert window.editor.state == before
+    assert window.editor.state == unmoved
 
 
 @in_window()
@@ -49,7 +49,7 @@ def test_a_size_is_typed_dragged_and_undone(window: Driver) -> None:
     reshaping = window.session.reshaping
     window.show("Sliders")
     window.wait(lambda: reshaping.bounds is not None)
-    before = window.editor.state
+    natural_state = window.editor.state
     natural = reshaping.bounds.size
     assert natural == pytest.approx((60, 45, 90))
     for name, side in (("Width", 72.0), ("Depth", 45.0), ("Height", 99.0)):
@@ -57,13 +57,13 @@ def test_a_size_is_typed_dragged_and_undone(window: Driver) -> None:
         window.ctx.yield_(2)
     assert window.editor.scene.instance.codes.factors == pytest.approx((1.2, 1.0, 1.1))
     window.click("Sliders/**/###natural size")
-    assert window.editor.scene.instance == before.scene.instance
+    assert window.editor.scene.instance == natural_state.scene.instance
     past = len(window.editor.history.past)
     window.drag("Sliders/**/##Width", 40)
     assert window.editor.scene.instance.codes.factors[0] > 1.1
     assert len(window.editor.history.past) == past + 1  # a drag is one step
     window.undo()
-    assert window.editor.scene.instance == before.scene.instance
+    assert window.editor.scene.instance == natural_state.scene.instance
 
 
 @in_window()
@@ -81,7 +81,7 @@ def test_a_click_on_a_size_is_for_typing(window: Driver) -> None:
 def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
     window.show("Sliders")
     window.wait(lambda: window.session.reshaping.bounds is not None)
-    before = window.editor.state
+    natural_state = window.editor.state
     assert not window.exists("View/**/##size 2 1")
     window.click("Sliders/**/###size handles")
     window.ctx.yield_(2)
@@ -89,13 +89,13 @@ def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
     assert window.editor.scene.instance.codes.factors[2] > 1.1
     assert window.editor.scene.instance.codes.factors[:2] == (1.0, 1.0)
     window.undo()
-    assert window.editor.state == before
+    assert window.editor.state == natural_state
     window.editor.set_camera(replace(window.editor.scene.camera, elevation=0.0))
     window.ctx.yield_(2)
     assert window.exists("View/**/##size 2 1")  # the top, also from below
     window.editor.undo()
     window.drag("View/orbit", 60, 0)
-    assert window.editor.scene.instance == before.scene.instance  # beside the handles, the object turns
+    assert window.editor.scene.instance == natural_state.scene.instance  # beside the handles, the object turns
     window.press(imgui.Key.escape)
     assert window.context.tool == "turn"
 
@@ -114,7 +114,7 @@ def test_legs_are_typed_dragged_and_undone(window: Driver) -> None:
     legs = portion_of(window.editor.model)
     window.show("Sliders")
     window.wait(lambda: reshaping.bounds is not None)
-    before = window.editor.state
+    natural_state = window.editor.state
 
     def lengths() -> tuple[float, float]:
         """The legs and the height in cm."""
@@ -126,18 +126,18 @@ def test_legs_are_typed_dragged_and_undone(window: Driver) -> None:
     window.set("Sliders/**/##Legs", 48.0)
     window.ctx.yield_(2)
     assert lengths() == pytest.approx((48, 102), abs=0.01)
-    assert len(window.editor.history.past) == 1 and window.editor.state.change_from(before) == "size"
+    assert len(window.editor.history.past) == 1 and window.editor.state.change_from(natural_state) == "size"
     window.set("Sliders/**/##Height", 51.0)
     window.ctx.yield_(2)
     assert lengths() == pytest.approx((24, 51), abs=0.01)
     window.click("Sliders/**/###natural size")
-    assert window.editor.scene.instance == before.scene.instance
+    assert window.editor.scene.instance == natural_state.scene.instance
     past = len(window.editor.history.past)
     window.drag("Sliders/**/##Legs", 40)
     assert lengths()[0] > 38 and lengths()[1] - lengths()[0] == pytest.approx(54)
     assert len(window.editor.history.past) == past + 1  # a drag is one step
     window.undo()
-    assert window.editor.scene.instance == before.scene.instance
+    assert window.editor.scene.instance == natural_state.scene.instance
     window.set("Sliders/**/##Legs", 1e5)  # as far as they go
     window.ctx.yield_(2)
     assert 100 < lengths()[0] < 1e4 and window.session.messages.errors == []
@@ -149,7 +149,7 @@ def test_the_seats_line_is_dragged_with_the_mouse(window: Driver) -> None:
     window.wait(lambda: window.session.reshaping.bounds is not None)
     window.set("Sliders/**/##Width", 65.0)  # with the first edit, the history covers a part of the view
     window.ctx.yield_(2)
-    before = window.editor.state
+    widened = window.editor.state
 
     def height() -> float:
         """The handle's px from the top."""
@@ -165,7 +165,7 @@ def test_the_seats_line_is_dragged_with_the_mouse(window: Driver) -> None:
     assert bend.moved > bend.plane
     assert len(window.editor.history.past) == 2
     window.undo()
-    assert window.editor.state == before
+    assert window.editor.state == widened
 
 
 @in_window()
@@ -189,10 +189,10 @@ def test_an_object_whose_legs_have_no_end_has_no_field_for_them(window: Driver) 
 def test_the_slider_under_the_mouse_shows_where_it_leads(window: Driver) -> None:
     window.show("Sliders")
     window.wait()
-    before = len(window.session.thumbnails.newest()())
+    thumbnail_count = len(window.session.thumbnails.newest()())
     window.ctx.mouse_move("//Sliders/**/##shape 1")
-    window.wait(lambda: len(window.session.thumbnails.newest()()) >= before + 3)
-    assert not window.session.editor.history.past
+    window.wait(lambda: len(window.session.thumbnails.newest()()) >= thumbnail_count + 3)
+    assert not window.editor.history.past
     assert tooltip(window) is not None
     slider = window.ctx.item_info("//Sliders/**/##shape 1").rect_full
     box = tooltip(window)

@@ -20,16 +20,16 @@ from viewer.values.view_modes import MODES
 
 @in_window()
 def test_a_drag_turns_the_object_and_is_one_step_of_undo(window: Driver) -> None:
-    before = window.editor.scene
+    first_scene = window.editor.scene
     assert window.context.preferences.newcomer
     window.drag("View/orbit", 150, 40)
     turned = window.editor.scene.camera
-    assert turned.azimuth < before.camera.azimuth
-    assert turned.elevation > before.camera.elevation
-    assert turned.distance == before.camera.distance
+    assert turned.azimuth < first_scene.camera.azimuth
+    assert turned.elevation > first_scene.camera.elevation
+    assert turned.distance == first_scene.camera.distance
     assert not window.context.preferences.newcomer
     window.undo()
-    assert window.editor.scene == before
+    assert window.editor.scene == first_scene
     assert not window.editor.history.past
     window.redo()
     assert window.editor.scene.camera == turned
@@ -37,19 +37,19 @@ def test_a_drag_turns_the_object_and_is_one_step_of_undo(window: Driver) -> None
     window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.z)
     assert window.editor.scene.camera == turned
     window.click("View/###undo")
-    assert window.editor.scene == before
+    assert window.editor.scene == first_scene
     window.click("View/###redo")
     assert window.editor.scene.camera == turned
     window.ctx.key_down(imgui.Key.mod_shift)  # finely
     window.drag("View/orbit", 150)
     window.ctx.key_up(imgui.Key.mod_shift)
-    assert 0 < turned.azimuth - window.editor.scene.camera.azimuth < 0.3 * (before.camera.azimuth - turned.azimuth)
+    assert 0 < turned.azimuth - window.editor.scene.camera.azimuth < 0.3 * (first_scene.camera.azimuth - turned.azimuth)
 
 
 @in_window(size=(900, 600))
 def test_the_way_in_is_in_the_view_until_something_is_opened(window: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     started = list[Path]()
-    monkeypatch.setattr(window.session.fitting, "start", started.append)
+    monkeypatch.setattr(window.fitting, "start", started.append)
     window.click("View/**/sample cushion")
     assert [path.name for path in started] == ["cushion.png"]
     window.click("View/**/###fit_image")
@@ -67,9 +67,7 @@ def test_the_way_in_is_in_the_view_until_something_is_opened(window: Driver, mon
     card = window.ctx.item_info("//View/**/sample cushion").rect_full
     strip = window.ctx.window_info("//History").window
     assert strip.pos.x + strip.size.x < card.min.x  # an edit opens nothing, and hides no sample
-    window.session.editor.add_and_show(
-        EditableObject("opened", window.session.editor.scene.instance), window.session.viewport.camera
-    )
+    window.editor.add_and_show(EditableObject("opened", window.editor.scene.instance), window.session.viewport.camera)
     window.ctx.yield_(2)
     assert not window.exists("View/**/sample cushion")
     assert not window.exists("View/**/###fit_image") and window.exists("Library/**/###fit_image")
@@ -141,7 +139,7 @@ def test_the_image_on_screen_is_the_newest_frame_over_the_background(window: Dri
 
 @in_window()
 def test_the_other_buttons_pan_the_object(window: Driver) -> None:
-    before = window.session.editor.scene
+    first_scene = window.editor.scene
 
     def middle() -> float:
         frame = window.session.viewport.frame
@@ -151,11 +149,11 @@ def test_the_other_buttons_pan_the_object(window: Driver) -> None:
         usual = middle()
         window.ctx.mouse_move("//View/orbit")
         window.ctx.mouse_down(button)
-        place = imgui.get_mouse_pos()
-        window.ctx.mouse_move_to_pos((place.x + 100, place.y))
+        pressed_at = imgui.get_mouse_pos()
+        window.ctx.mouse_move_to_pos((pressed_at.x + 100, pressed_at.y))
         window.ctx.mouse_up(button)
         window.wait()
-        assert window.session.editor.scene == before
+        assert window.editor.scene == first_scene
         assert window.session.viewport.settings.pan[0] > 0.1
         assert middle() > usual + 0.05
         window.press(imgui.Key._0)
@@ -290,7 +288,7 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(drive: Dri
         assert viewport.settings.covered > 50  # the samples stay
         window.fit(photo)
         assert filled() == pytest.approx(0.75, abs=0.06)
-        assert orbit.same_direction(window.editor.scene.camera, window.session.fitting.view.camera)
+        assert orbit.same_direction(window.editor.scene.camera, window.fitting.view.camera)
         window.press(imgui.Key._4)
         assert window.editor.scene.camera == window.session.photo_camera
         assert window.session.messages.errors == []
@@ -310,6 +308,6 @@ def test_the_object_stands_still_under_a_hand_and_a_first_fit_has_its_own_camera
     window.ctx.yield_(3)
     assert viewport.settings.covered == 0
     assert not viewport.turned
-    window.session.fitting.stop()
+    window.fitting.stop()
     window.wait()
-    assert orbit.same_direction(window.editor.scene.camera, window.session.fitting.view.camera)
+    assert orbit.same_direction(window.editor.scene.camera, window.fitting.view.camera)

@@ -51,11 +51,11 @@ def test_the_baked_image_matches_the_reference_and_the_exact_one(
     rows = slice(crop.top, crop.top + crop.height)
     columns = slice(crop.left, crop.left + crop.width)
     exact = render_exact(stool[0], crop.camera).colour[rows, columns].numpy()
-    for field, least in zip(baked, (33, 38), strict=True):
+    for field, min_psnr in zip(baked, (33, 38), strict=True):
         image = drawn(gl, field, crop)
         assert image.shape == (90, 120, 3)
         assert psnr(image, render_baked(field, crop.camera).colour[rows, columns].numpy()) > 42
-        assert psnr(image, exact) > least
+        assert psnr(image, exact) > min_psnr
 
 
 def test_any_object_is_drawn_on_the_views_background(gl: moderngl.Context, baked: tuple[BakedField, ...], stool: Model):

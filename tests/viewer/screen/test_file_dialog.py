@@ -71,21 +71,21 @@ def test_the_last_folder_is_taken_up_if_it_is_still_there(tmp_path: Path) -> Non
 
 @in_window()
 def test_enter_opens_a_folder_and_typing_goes_on(window: Driver, tmp_path: Path) -> None:
-    chosen = list[Path]()
+    opened = list[Path]()
     files = window.context.files
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "chair.png").touch()
-    files.ask(FileRequest("Photo", chosen.append, (".png",)))
+    files.ask(FileRequest("Photo", opened.append, (".png",)))
     window.ctx.yield_(3)
     window.ctx.item_click("//Choose a file###ask/##path")
     window.ctx.key_chars_replace_enter(str(tmp_path / "photos"))
     window.ctx.yield_(3)
     window.ctx.key_chars_append_enter("chair")  # is not there, and Enter keeps it
     window.ctx.yield_(3)
-    assert files.asking and chosen == []
+    assert files.asking and opened == []
     window.ctx.key_chars_append_enter(".png")
     window.ctx.yield_(3)
-    assert chosen == [tmp_path / "photos" / "chair.png"]
+    assert opened == [tmp_path / "photos" / "chair.png"]
 
 
 @in_window()
@@ -105,13 +105,13 @@ def test_a_file_is_saved_in_a_typed_folder(window: Driver, tmp_path: Path) -> No
 
 @in_window()
 def test_several_files_are_chosen_with_ctrl_or_as_a_folder(window: Driver, tmp_path: Path) -> None:
-    chosen = list[tuple[Path, ...]]()
+    opened = list[tuple[Path, ...]]()
     files = window.context.files
     names = ("a.png", "b.png", "c.png")
     for age, name in enumerate(names):
         (tmp_path / name).touch()
         os.utime(tmp_path / name, (1e9 - age, 1e9 - age))
-    request = FileRequest("Photos", lambda *paths: chosen.append(paths), (".png",), several=True)
+    request = FileRequest("Photos", lambda *paths: opened.append(paths), (".png",), several=True)
     files.folder = tmp_path
     files.ask(request)
     window.ctx.yield_(3)
@@ -126,12 +126,12 @@ def test_several_files_are_chosen_with_ctrl_or_as_a_folder(window: Driver, tmp_p
     window.ctx.key_up(imgui.Key.mod_ctrl)
     window.ctx.item_click("//Choose a file###ask/###choose")
     window.ctx.yield_(3)
-    assert [[path.name for path in paths] for paths in chosen] == [["a.png", "b.png", "c.png"], ["b.png", "c.png"]]
+    assert [[path.name for path in paths] for paths in opened] == [["a.png", "b.png", "c.png"], ["b.png", "c.png"]]
 
 
 @in_window()
 def test_a_double_click_opens_folders_and_files_the_newest_first(window: Driver, tmp_path: Path) -> None:
-    chosen = list[Path]()
+    opened = list[Path]()
     files = window.context.files
     photos = tmp_path / "photos"
     photos.mkdir()
@@ -145,22 +145,22 @@ def test_a_double_click_opens_folders_and_files_the_newest_first(window: Driver,
     files.folder = tmp_path
     imgui.get_io().mouse_double_click_time = 30.0  # of a slow machine
     imgui.get_io().mouse_single_click_delay = 31.0
-    files.ask(FileRequest("Photo", chosen.append, (".png", ".jpg")))
+    files.ask(FileRequest("Photo", opened.append, (".png", ".jpg")))
     window.ctx.yield_(9)  # a window that fits itself to its content takes a few frames
-    place = window.ctx.window_info("//Choose a file###ask").window.pos
+    corner = window.ctx.window_info("//Choose a file###ask").window.pos
     for number, expected in ((1, []), (2, [photos / "old.jpg"])):
         window.ctx.item_double_click(f"//Choose a file###ask/**/###file {number}")
         window.ctx.yield_(3)
-        assert chosen == expected
+        assert opened == expected
         if files.asking:
-            assert window.ctx.window_info("//Choose a file###ask").window.pos == place
-    files.ask(FileRequest("Photo", chosen.append, (".png", ".jpg")))
+            assert window.ctx.window_info("//Choose a file###ask").window.pos == corner
+    files.ask(FileRequest("Photo", opened.append, (".png", ".jpg")))
     window.ctx.yield_(3)
     window.ctx.item_click("//Choose a file###ask/**/###file 1")  # in the last folder
     window.ctx.yield_(2)
     assert files.asking
     window.ctx.item_click("//Choose a file###ask/###choose")
-    assert chosen[1:] == [photos / "new.png"]
+    assert opened[1:] == [photos / "new.png"]
 
 
 def test_a_path_with_invalid_characters_does_not_exist() -> None:

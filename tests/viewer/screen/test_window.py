@@ -11,16 +11,16 @@ from viewer.screen import window
 _LAYOUT = """;;;<<<AppWindow>>>;;;
 [AppWindow]
 DpiWindowSizeFactor={dpi}
-WindowPosition={place}
+WindowPosition={position}
 WindowSize=1280,800
 """
 
 
-@pytest.mark.parametrize(("place", "dpi"), [("5000,400", 1.0), ("-4000,-3000", 2.0)])
+@pytest.mark.parametrize(("position", "dpi"), [("5000,400", 1.0), ("-4000,-3000", 2.0)])
 def test_a_window_whose_monitor_is_gone_opens_on_one_that_is_there(
-    drive: Drive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str, dpi: float
+    drive: Drive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, position: str, dpi: float
 ) -> None:
-    (tmp_path / "window.ini").write_text(_LAYOUT.format(place=place, dpi=3.0 - dpi))  # the other monitor's
+    (tmp_path / "window.ini").write_text(_LAYOUT.format(position=position, dpi=3.0 - dpi))  # the other monitor's
     parameters = window.parameters
 
     def of_screen(size: tuple[int, int], folder: Path | None) -> hello_imgui.RunnerParams:

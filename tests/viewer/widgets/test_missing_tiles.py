@@ -25,7 +25,7 @@ def stools(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def own(backend: Backend, model: Model) -> Backend:
+def file_backend(backend: Backend, model: Model) -> Backend:
     """The shipped model, and models of files."""
     return replace(backend, load_model=lambda name: Model.load(Path(name)) if Path(name).suffix else model)
 
@@ -44,11 +44,11 @@ def make(session: Session, stools: Path) -> None:
 
 
 @pytest.fixture
-def made(worker: Worker, own: Backend, stools: Path, tmp_path: Path) -> Project:
+def made(worker: Worker, file_backend: Backend, stools: Path, tmp_path: Path) -> Project:
     """A project with them in ``a.codenerf``, and the same kept in a folder for the next launch."""
     folder = tmp_path / "config"
     folder.mkdir()
-    session = Session(worker, own, 0, folder)
+    session = Session(worker, file_backend, 0, folder)
     make(session, stools)
     session.save_project(tmp_path / "a.codenerf")
     session.recording.close()
@@ -64,7 +64,7 @@ def find(window: Driver, widget: str, path: Path) -> None:
 
 
 def test_what_was_made_with_a_deleted_model_waits_as_grey_tiles_and_comes_back(
-    drive: Drive, own: Backend, made: Project, stools: Path, tmp_path: Path
+    drive: Drive, file_backend: Backend, made: Project, stools: Path, tmp_path: Path
 ) -> None:
     moved = stools.rename(tmp_path / "elsewhere.safetensors")
 
@@ -91,8 +91,8 @@ def test_what_was_made_with_a_deleted_model_waits_as_grey_tiles_and_comes_back(
         assert window.editor.model.category == "stools"
         assert window.session.messages.errors == []
 
-    drive(act, own, folder=tmp_path / "config")
-    again = read_project(tmp_path / "b.codenerf").adopted(loaded(own, moved))
+    drive(act, file_backend, folder=tmp_path / "config")
+    again = read_project(tmp_path / "b.codenerf").adopted(loaded(file_backend, moved))
     assert [added.instance for added in again.objects] == [added.instance for added in made.objects]
     assert again.history.states == made.history.states
 
@@ -105,30 +105,30 @@ def loaded(backend: Backend, path: Path) -> OpenModels:
 
 
 def test_it_is_back_at_the_next_launch_once_its_file_is(
-    drive: Drive, own: Backend, made: Project, stools: Path
+    drive: Drive, file_backend: Backend, made: Project, stools: Path
 ) -> None:
     folder = stools.parent / "config"
     aside = stools.rename(stools.with_name("aside"))
 
     def without(window: Driver) -> None:
-        assert window.session.editor.objects.is_missing("Red stool")
+        assert window.editor.objects.is_missing("Red stool")
         window.menu("File/###new_project")  # what is mine stays
-        assert window.session.editor.objects.own == ["Red stool"]
-        assert window.session.editor.objects.is_missing("Red stool")
+        assert window.editor.objects.own == ["Red stool"]
+        assert window.editor.objects.is_missing("Red stool")
 
     def back(window: Driver) -> None:
         assert window.session.messages.all == []
         window.click("Library/**/show Red stool")
-        assert window.session.editor.scene.instance == made.objects[0].instance
-        assert window.session.editor.objects.own == ["Red stool"]
+        assert window.editor.scene.instance == made.objects[0].instance
+        assert window.editor.objects.own == ["Red stool"]
 
-    drive(without, own, folder=folder)
+    drive(without, file_backend, folder=folder)
     aside.rename(stools)
-    drive(back, own, folder=folder)
+    drive(back, file_backend, folder=folder)
 
 
 def test_a_tile_asks_for_no_file_that_is_back_and_refuses_another_model(
-    drive: Drive, own: Backend, made: Project, stools: Path
+    drive: Drive, file_backend: Backend, made: Project, stools: Path
 ) -> None:
     aside = stools.rename(stools.with_name("aside"))
     random_model(11).save(stools.with_name("tables.safetensors"))
@@ -142,17 +142,17 @@ def test_a_tile_asks_for_no_file_that_is_back_and_refuses_another_model(
         assert window.session.messages.errors == [
             "tables.safetensors is another model than stools.safetensors: choose the one from then"
         ]
-        assert window.session.editor.objects.is_missing("Red stool") and len(list(window.session.models)) == 1
+        assert window.editor.objects.is_missing("Red stool") and len(list(window.session.models)) == 1
         aside.rename(stools)
         window.click("Library/**/show Red stool")
         window.wait()
-        assert window.session.editor.state.mix.a.shape == "Red stool"
+        assert window.editor.state.mix.a.shape == "Red stool"
 
-    drive(act, own)
+    drive(act, file_backend)
 
 
 def test_a_state_of_a_missing_model_is_grey_and_found_by_a_click(
-    drive: Drive, own: Backend, made: Project, stools: Path
+    drive: Drive, file_backend: Backend, made: Project, stools: Path
 ) -> None:
     moved = stools.rename(stools.with_name("elsewhere.safetensors"))
 
@@ -160,20 +160,20 @@ def test_a_state_of_a_missing_model_is_grey_and_found_by_a_click(
         window.context.drop([str(stools.with_name("a.codenerf"))])
         window.wait()
         session = window.session
-        editor = window.session.editor
+        editor = window.editor
         editor.undo()
         window.ctx.yield_(3)
         find(window, "History/state 3", moved)
         assert editor.model.category == "stools"
         assert session.messages.errors == []
 
-    drive(act, own)
+    drive(act, file_backend)
 
 
 def test_a_branch_of_a_missing_model_is_grey_and_found_by_a_click(
-    drive: Drive, own: Backend, worker: Worker, stools: Path
+    drive: Drive, file_backend: Backend, worker: Worker, stools: Path
 ) -> None:
-    session = Session(worker, own, 0)
+    session = Session(worker, file_backend, 0)
     path = stools.with_name("a.codenerf")
     editor = session.editor
     model = session.models.open(str(stools))
@@ -189,30 +189,28 @@ def test_a_branch_of_a_missing_model_is_grey_and_found_by_a_click(
     def act(window: Driver) -> None:
         window.context.drop([str(path)])
         window.wait()
-        editor = window.session.editor
+        editor = window.editor
         assert editor.state.mix.a.shape == "object 3"
         find(window, "History/branch 1", moved)
         assert editor.scene == made
         assert window.session.messages.errors == []
 
-    drive(act, own)
+    drive(act, file_backend)
 
 
 def test_a_removed_tile_comes_back_by_undo_and_is_deleted_by_new(
-    drive: Drive, own: Backend, made: Project, stools: Path
+    drive: Drive, file_backend: Backend, made: Project, stools: Path
 ) -> None:
     stools.unlink()
 
     def act(window: Driver) -> None:
-        window.session.editor.unlist(
-            frozenset(("Red stool", "Red stool (2)"))
-        )  # the second one is a version with a mix
-        assert window.session.editor.objects.own == []
+        window.editor.unlist(frozenset(("Red stool", "Red stool (2)")))  # the second one is a version with a mix
+        assert window.editor.objects.own == []
         window.undo()
-        assert window.session.editor.objects.own == ["Red stool"]
-        assert window.session.editor.objects.is_missing("Red stool")
+        assert window.editor.objects.own == ["Red stool"]
+        assert window.editor.objects.is_missing("Red stool")
         window.redo()
         window.menu("File/###new_project")
-        assert window.session.editor.objects.own == []
+        assert window.editor.objects.own == []
 
-    drive(act, own, folder=stools.parent / "config")
+    drive(act, file_backend, folder=stools.parent / "config")

@@ -42,7 +42,7 @@ def test_a_pointed_out_object_is_asked_for_its_category(window: Driver, photo: P
     window.show("Photo")
     window.click("Photo/as chairs")
     window.wait(lambda: not window.fitting.running)
-    assert window.session.editor.model.category == "chairs"
+    assert window.editor.model.category == "chairs"
 
 
 @in_window(fixture="both", guess_category=lambda cut: UNDETECTED)
@@ -51,15 +51,15 @@ def test_none_of_these_is_the_first_answer_where_nothing_looks_like_a_category(w
     window.wait(lambda: bool(window.fitting.questions))
     assert window.fitting.questions[0].words.startswith("Nothing here looks like a c")
     names = "###leave photo", "###point at it", "as chairs", "as cars"
-    places = [window.ctx.item_info(f"//Photo/{name}").rect_full.min for name in names]
-    assert all((places[0].y, places[0].x) < (place.y, place.x) for place in places[1:])
+    corners = [window.ctx.item_info(f"//Photo/{name}").rect_full.min for name in names]
+    assert all((corners[0].y, corners[0].x) < (corner.y, corner.x) for corner in corners[1:])
     window.click("Photo/###leave photo")
     assert not window.fitting.pending and not window.fitting.running
     window.context.drop([str(photo)])
     window.wait(lambda: bool(window.fitting.questions))
     window.click("Photo/as cars")  # a toy that the detector misses
     window.wait(lambda: not window.fitting.running)
-    assert window.session.editor.model.category == "cars"
+    assert window.editor.model.category == "cars"
 
 
 @in_window()
@@ -76,7 +76,7 @@ def test_a_photo_whose_file_is_gone_is_fitted_once_the_file_is_found(window: Dri
     moved.write_bytes(content)
     window.session.answers.relocate(window.fitting.questions[0], moved)
     window.wait(lambda: not window.fitting.running)
-    assert not window.fitting.pending and window.session.editor.objects.own == ["moved"]
+    assert not window.fitting.pending and window.editor.objects.own == ["moved"]
 
 
 @in_window()
@@ -90,4 +90,4 @@ def test_a_photo_that_is_back_is_tried_again(window: Driver, photo: Path) -> Non
     window.wait(lambda: window.exists("Photo/###try again"))
     window.click("Photo/###try again")
     window.wait(lambda: not window.fitting.running)
-    assert window.session.editor.objects.own == ["block"]
+    assert window.editor.objects.own == ["block"]

@@ -69,14 +69,14 @@ def paint(window: Driver, colour: tuple[float, float, float]) -> Instance:
     window.session.painting.paint(colour)
     window.session.painting.release()
     window.wait()
-    return window.session.editor.scene.instance
+    return window.editor.scene.instance
 
 
 def test_a_painted_object_is_painted_in_mine_after_a_click_and_at_the_next_start(
     drive: Drive, photo: Path, tmp_path: Path, kill: Callable[[Driver], Path]
 ) -> None:
     def first(window: Driver) -> None:
-        editor = window.session.editor
+        editor = window.editor
         window.fit(photo)
         fitted = editor.scene.instance
         white = tile(window)
@@ -91,17 +91,17 @@ def test_a_painted_object_is_painted_in_mine_after_a_click_and_at_the_next_start
         blue = paint(window, (0.0, 0.0, 1.0))
         window.click("Library/**/version 0 of block")
         assert editor.scene.instance == fitted and editor.objects["block"].instance == blue
-        assert window.session.fitting.shown.sources  # it can be tried again
+        assert window.fitting.shown.sources  # it can be tried again
         window.undo()
         assert editor.scene.instance == editor.objects["block"].instance == blue
         made.extend((fitted, blue, red))
         left.append(kill(window))
 
     def second(window: Driver) -> None:
-        editor = window.session.editor
+        editor = window.editor
         assert editor.objects.states("block") == made
         window.menu("File/###new_project")
-        editor = window.session.editor
+        editor = window.editor
         assert editor.objects.own == ["block"]
         for number, instance in enumerate(made):
             window.click(f"Library/**/version {number} of block")
@@ -127,7 +127,7 @@ def test_a_removed_object_comes_back_by_undo_by_its_message_and_after_a_kill(
     def first(window: Driver) -> None:
         window.fit(photo)
         window.menu("File/###new_project")
-        objects = window.session.editor.objects  # the object is not in the new history
+        objects = window.editor.objects  # the object is not in the new history
         window.choose("block", "###remove object")
         assert objects.own == [] and "Removed block" in window.session.messages.newest.text
         window.undo()
@@ -142,16 +142,16 @@ def test_a_removed_object_comes_back_by_undo_by_its_message_and_after_a_kill(
         left.append(kill(window))
 
     def second(window: Driver) -> None:
-        objects = window.session.editor.objects
+        objects = window.editor.objects
         assert objects.own == []
         window.undo()
         assert objects.own == ["block"]
         window.redo()
         window.menu("File/###new_project")
-        assert window.session.editor.objects.own == []  # for good, but for the earlier session
+        assert window.editor.objects.own == []  # for good, but for the earlier session
         window.menu("File/Recent/###earlier 1")
         window.undo()
-        assert window.session.editor.objects.own == ["block"]
+        assert window.editor.objects.own == ["block"]
 
     left = list[Path]()
     drive(first, folder=tmp_path / "config")
@@ -161,7 +161,7 @@ def test_a_removed_object_comes_back_by_undo_by_its_message_and_after_a_kill(
 
 @in_window()
 def test_random_codes_and_mixes_of_an_object_are_no_version_of_it(window: Driver, photo: Path) -> None:
-    editor = window.session.editor
+    editor = window.editor
     window.fit(photo)
     fitted = editor.scene.instance
     edits = (
@@ -239,10 +239,10 @@ def test_versions_and_their_names_last(drive: Drive, photo: Path, tmp_path: Path
         assert window.session.names.version("block", made[2]) == "Fire"
 
     def second(window: Driver) -> None:
-        editor = window.session.editor
+        editor = window.editor
         assert editor.objects.own == ["block"] and editor.objects.states("block") == made
         window.menu("File/###new_project")
-        editor = window.session.editor
+        editor = window.editor
         assert editor.objects.own == ["block"] and editor.objects.states("block") == made
         assert window.session.names.label("Fire") == "Fire"
         window.session.rename("block", "Sofa")

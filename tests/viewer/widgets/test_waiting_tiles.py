@@ -51,7 +51,7 @@ def test_photos_dropped_beside_an_object_with_photo_detail_are_all_fitted(
 
     def act(window: Driver) -> None:
         session = window.session
-        objects = window.session.editor.objects
+        objects = window.editor.objects
         for number in range(times):
             fit.may_end.clear()
             for path in blocks(photo, "abcd"):
@@ -120,7 +120,7 @@ def test_a_photo_that_cannot_be_read_is_tried_again_or_removed(window: Driver, p
         window.click(answer)
         window.wait(lambda: not window.fitting.pending)
         photo.unlink()
-    assert window.session.editor.objects.own == ["block"]
+    assert window.editor.objects.own == ["block"]
 
 
 @in_window()
@@ -133,7 +133,7 @@ def test_a_hand_made_cut_out_is_fitted_without_the_file(window: Driver, photo: P
     photo.unlink()
     window.click("**/###fit segmentation")
     window.wait(lambda: not window.fitting.running)
-    assert window.session.editor.objects.own == ["block"]
+    assert window.editor.objects.own == ["block"]
 
 
 def test_photos_dropped_beside_a_question_show_their_state_at_once(drive: Drive, both: Backend, photo: Path) -> None:
@@ -146,7 +146,7 @@ def test_photos_dropped_beside_a_question_show_their_state_at_once(drive: Drive,
         return read_cut_out(path, hints)
 
     def act(window: Driver) -> None:
-        fitting = window.session.fitting
+        fitting = window.fitting
         window.context.drop([str(photo)])
         window.wait(lambda: bool(fitting.questions))
         assert window.exists("Photo/###this one")
@@ -205,7 +205,7 @@ def test_a_photo_that_waits_is_fitted_as_dropped_though_its_file_changes_and_the
                 window.wait(lambda: not window.fitting.running)
         window.wait(lambda: not window.fitting.pending)
         assert window.session.messages.errors == []
-        assert {"block", "block b", "block c"} <= set(window.session.editor.objects.own)
+        assert {"block", "block b", "block c"} <= set(window.editor.objects.own)
 
     folders = [tmp_path / "config"]
     backend = replace(both, cut_out=doubted) if asked else both
@@ -219,7 +219,7 @@ def test_a_chosen_object_takes_the_place_of_a_question_until_its_tile_is_clicked
     window.session.jobs.backend = replace(window.session.jobs.backend, fit=failing_fit)
     window.context.drop([str(photo)])
     window.wait(lambda: bool(window.fitting.questions))
-    name = window.session.editor.state.mix.a.shape
+    name = window.editor.state.mix.a.shape
     for cut_out in (read_cut_out, doubted):
         window.session.jobs.backend = replace(window.session.jobs.backend, cut_out=cut_out)
         if cut_out is doubted:
