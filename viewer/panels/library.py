@@ -258,7 +258,7 @@ def _draw_button(
         _draw_menu(context, tile)
         _draw_user_menu(context, tile, menu)
         imgui.end_popup()
-    object_tiles.paint_instance(context, face.instance, corner, side)
+    object_tiles.paint(context, face.instance, corner, side)
     for number, (label, colour) in enumerate(_marks(context, face.names)):
         object_tiles.outline(corner, side, colour, inset=2.0 * number)
         if isinstance(tile, str):

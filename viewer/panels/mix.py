@@ -93,7 +93,7 @@ def _draw_b(context: PanelContext) -> None:
     tooltip(f"B is {label}\nDrop another object here, or right click one in the library and make it B")
     if dropped := object_tiles.dropped(context):
         context.session.editor.set_b(dropped)
-    object_tiles.paint(context, name, corner, side)
+    object_tiles.paint(context, context.session.editor.objects[name].instance, corner, side)
     object_tiles.outline(corner, side, WARM)
     object_tiles.mark(corner, "B", WARM)
     imgui.same_line()

@@ -17,13 +17,8 @@ DIMMED = 0.55  # opacity of the shade over stale tiles
 DRAGGED = "object"  # type of imgui's payload for an object dragged onto B
 
 
-def paint(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
+def paint(context: PanelContext, instance: Instance, corner: ImVec2, side: float) -> None:
     """Draw an object's thumbnail in a square of ``side`` px, empty until it is rendered."""
-    paint_instance(context, context.session.editor.objects[name].instance, corner, side)
-
-
-def paint_instance(context: PanelContext, instance: Instance, corner: ImVec2, side: float) -> None:
-    """Draw the thumbnail of an object or one of its versions, as :func:`paint`."""
     paint_frame(context, context.session.thumbnails.of_object(instance), corner, side)
 
 

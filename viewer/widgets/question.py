@@ -94,6 +94,6 @@ def _draw_categories(context: PanelContext, question: Question) -> None:
             context.session.answers.answer(question, model.fingerprint)
         hovered = imgui.is_item_hovered()
         tooltip(f"Fit what is outlined, as a {model.noun}")
-        object_tiles.paint(context, next(iter(objects.families[model.fingerprint])), corner, side)
+        object_tiles.paint(context, objects[next(iter(objects.families[model.fingerprint]))].instance, corner, side)
         object_tiles.outline(corner, side, context.palette.accent if hovered else context.palette.line)
         paint_caption(context, f"A {model.noun}", corner + ImVec2(0, side), side)
