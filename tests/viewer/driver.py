@@ -16,7 +16,9 @@ from PIL import Image
 
 from tests.viewer.machine import Patience
 from viewer.actions import chord
+from viewer.activities.fitting import Fitting
 from viewer.app import App
+from viewer.editor import Editor
 from viewer.session import Session
 from viewer.store.files import read_project
 from viewer.values.project import Project
@@ -103,14 +105,22 @@ class Driver:
         self.ctx = ctx
         self.folder = folder
         self.session = app.session
-        self.editor = app.session.editor
-        self.fitting = app.session.fitting
         self.context = app.context
         self._colours_pixels = False
         self._leave_pixels_out()
         io = imgui.test_engine.get_io(hello_imgui.get_imgui_test_engine())
         # A slow machine takes as long as it takes; waits end by themselves.
         io.config_watchdog_warning = io.config_watchdog_kill_test = io.config_watchdog_kill_app = 1e9
+
+    @property
+    def editor(self) -> Editor:
+        """The editor, which New and projects replace."""
+        return self.session.editor
+
+    @property
+    def fitting(self) -> Fitting:
+        """The fits, which New and projects replace."""
+        return self.session.fitting
 
     def wait(self, until: Callable[[], bool] | None = None, longest: float = 60.0) -> None:
         """Draw until a condition holds; without one, until nothing is under way."""

@@ -7,7 +7,7 @@ from imgui_bundle import imgui
 from core.models.codes import Entry
 from core.models.model import Model
 from tests.viewer.driver import Drive, Driver, in_window
-from tests.viewer.stand_ins import HeldFit, endless_fit
+from tests.viewer.stand_ins import HeldFit, block, endless_fit
 from viewer.services.backend import Backend
 
 
@@ -32,9 +32,7 @@ def test_one_of_each_form_is_listed_and_its_variants_fold_out(drive: Drive, back
 
 
 def test_forty_photos_are_fitted_one_after_the_other(drive: Drive, backend: Backend, photo: Path) -> None:
-    paths = [photo.with_name(f"block {number:02d}.png") for number in range(40)]
-    for path in paths:
-        path.write_bytes(photo.read_bytes())
+    paths = [block(photo, f"{number:02d}") for number in range(40)]
     fit = HeldFit()
 
     def top(window: Driver, name: str) -> float:
@@ -68,8 +66,7 @@ def test_what_was_fitted_is_mine(window: Driver, photo: Path) -> None:
     window.wait(lambda: not window.fitting.running)
     window.wait()
     assert window.editor.objects.own == ["block"]
-    second = photo.with_name("block two.png")
-    second.write_bytes(photo.read_bytes())
+    second = block(photo, "two")
     window.fit(second)
     assert window.fitting.history.photo.source.path == second
     window.click("Library/**/show block")  # the photo panel follows
@@ -81,31 +78,24 @@ def test_what_was_fitted_is_mine(window: Driver, photo: Path) -> None:
     assert window.editor.state.mix.a == ("block", "block")
 
 
-def test_photos_under_way_are_tiles_that_can_be_stopped_or_removed(drive: Drive, backend: Backend, photo: Path) -> None:
-    paths = [photo, photo.with_name("block two.png"), photo.with_name("block three.png")]
-    for path in paths[1:]:
-        path.write_bytes(photo.read_bytes())
-
-    def act(window: Driver) -> None:
-        fitting = window.fitting
-        for path in paths:
-            window.context.drop([str(path)])
-        window.wait(
-            lambda: bool(fitting.history.steps) and window.context.session.photo_thumbnails.get(path) is not None
-        )
-        window.click("Library/**/waits block two.png", 1)
-        window.click("**/###remove waiting")
-        assert [request.history.name for request in fitting.waiting.requests] == ["block three"]
-        window.click("Library/**/waits block.png", 1)  # it is under way
-        window.click("**/###stop fit")
-        window.wait(lambda: fitting.history.name == "block three" and len(fitting.history.steps) > 3)
-        assert not window.exists("Library/**/waits block.png")
-        screen = window.capture()
-        tile = window.ctx.item_info("//Library/**/waits block three.png").rect_full
-        photographed = screen[int(tile.min.y) : int(tile.max.y), int(tile.min.x) : int(tile.max.x)]
-        assert (photographed[..., 0] > 2 * photographed[..., 1]).any()  # the red block
-
-    drive(act, replace(backend, fit=endless_fit))
+@in_window(fit=endless_fit)
+def test_photos_under_way_are_tiles_that_can_be_stopped_or_removed(window: Driver, photo: Path) -> None:
+    paths = [photo, block(photo, "two"), block(photo, "three")]
+    fitting = window.fitting
+    for path in paths:
+        window.context.drop([str(path)])
+    window.wait(lambda: bool(fitting.history.steps) and window.context.session.photo_thumbnails.get(path) is not None)
+    window.click("Library/**/waits block two.png", 1)
+    window.click("**/###remove waiting")
+    assert [request.history.name for request in fitting.waiting.requests] == ["block three"]
+    window.click("Library/**/waits block.png", 1)  # it is under way
+    window.click("**/###stop fit")
+    window.wait(lambda: fitting.history.name == "block three" and len(fitting.history.steps) > 3)
+    assert not window.exists("Library/**/waits block.png")
+    screen = window.capture()
+    tile = window.ctx.item_info("//Library/**/waits block three.png").rect_full
+    photographed = screen[int(tile.min.y) : int(tile.max.y), int(tile.min.x) : int(tile.max.x)]
+    assert (photographed[..., 0] > 2 * photographed[..., 1]).any()  # the red block
 
 
 @in_window(fixture="both")

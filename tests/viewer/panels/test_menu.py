@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 from imgui_bundle import imgui
 
-from tests.viewer.driver import Drive, Driver, in_window
+from tests.viewer.driver import Driver, in_window
 from viewer.actions import ACTIONS
 from viewer.panels.help import find
 from viewer.panels.menu import MENUS
@@ -55,45 +55,43 @@ def test_every_action_without_a_key_is_in_a_menu() -> None:
     assert {action.id for action in ACTIONS.values() if not action.keys} <= in_menus <= ACTIONS.keys()
 
 
-def test_actions_objects_and_panels_are_found_by_typing(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        context = window.context
-        key = imgui.Key
-        for action in ACTIONS.values():
-            if action.enabled(context):
-                assert find(context, action.words)[0].words.lower() == action.words.lower()
+@in_window(size=(900, 600))
+def test_actions_objects_and_panels_are_found_by_typing(window: Driver) -> None:
+    context = window.context
+    key = imgui.Key
+    for action in ACTIONS.values():
+        if action.enabled(context):
+            assert find(context, action.words)[0].words.lower() == action.words.lower()
 
-        expected = {"eye": "eyedropper", "erase": "erase", "undo": "undo", "paint": "swatch", "export": "share…"}
-        expected |= {"Make taller": "click a part", "photo open": "open photo…", "keyboard": "keys and search…"}
-        for words, first in expected.items():
-            assert find(context, words)[0].words.lower() == first
-        assert "Click a part" in [entry.words for entry in find(context, "change its color")]
-        assert not find(context, "no such word")
+    expected = {"eye": "eyedropper", "erase": "erase", "undo": "undo", "paint": "swatch", "export": "share…"}
+    expected |= {"Make taller": "click a part", "photo open": "open photo…", "keyboard": "keys and search…"}
+    for words, first in expected.items():
+        assert find(context, words)[0].words.lower() == first
+    assert "Click a part" in [entry.words for entry in find(context, "change its color")]
+    assert not find(context, "no such word")
 
-        def search(words: str) -> None:
-            window.press(key.mod_ctrl, key.k)
-            window.ctx.yield_(3)
-            window.ctx.key_chars(words)
-            window.ctx.yield_(2)
-
-        search("dark")
-        window.press(key.enter)
-        assert not context.preferences.dark and not context.help_open
-        search("object 4")
-        window.press(key.enter)
-        assert window.editor.state.mix.a.shape == "object 4"
-        search("normals")
-        window.press(key.enter)
-        assert window.session.viewport.settings.mode == "normals"
-        search("object")
-        window.click("Help/**/###found 1")
-        assert window.editor.state.mix.a.shape != "object 4" and not context.help_open
-        search("developer")
-        window.press(key.enter)
+    def search(words: str) -> None:
+        window.press(key.mod_ctrl, key.k)
         window.ctx.yield_(3)
-        assert window.exists("Developer/##mode")
+        window.ctx.key_chars(words)
+        window.ctx.yield_(2)
 
-    drive(act, size=(900, 600))
+    search("dark")
+    window.press(key.enter)
+    assert not context.preferences.dark and not context.help_open
+    search("object 4")
+    window.press(key.enter)
+    assert window.editor.state.mix.a.shape == "object 4"
+    search("normals")
+    window.press(key.enter)
+    assert window.session.viewport.settings.mode == "normals"
+    search("object")
+    window.click("Help/**/###found 1")
+    assert window.editor.state.mix.a.shape != "object 4" and not context.help_open
+    search("developer")
+    window.press(key.enter)
+    window.ctx.yield_(3)
+    assert window.exists("Developer/##mode")
 
 
 @in_window()

@@ -17,6 +17,7 @@ from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
 from tests.viewer.driver import Drive, Driver, in_window, opened
 from tests.viewer.stand_ins import (
+    block,
     crowded,
     detailed_fit,
     doubted,
@@ -170,33 +171,25 @@ def test_a_new_photo_is_not_shown_as_the_object_on_screen(
     drive(act, replace(backend, cut_out=slow))
 
 
-def test_the_panel_shows_the_fit_of_the_object_in_the_view(
-    drive: Drive, backend: Backend, model: Model, photo: Path
-) -> None:
-    second = photo.with_name("block two.png")
-    second.write_bytes(photo.read_bytes())
-
-    def act(window: Driver) -> None:
-        session = window.session
-        editor = window.editor
-        assert not window.exists("Photo/##photo detail")
-        editor.add_and_show(fitted(model), editor.scene.camera)
-        window.show("Photo")
-        assert window.exists("Photo/##photo detail")
-        window.context.drop([str(photo)])
-        window.wait(lambda: len(session.fitting.history.steps) > 3)
-        window.ctx.yield_(3)
-        assert window.exists("Photo/###stop fit")
-        assert not window.exists("Photo/##photo detail")  # that would be another object's
-        window.click("Library/**/show fitted")
-        assert window.exists("Photo/##photo detail")
-        assert not window.exists("Photo/###stop fit")
-        window.click("Library/**/show object 5")
-        assert window.exists("Photo/sample cushion")
-        assert window.exists("Photo/###original paint")
-        session.fitting.stop()
-
-    drive(act, replace(backend, fit=endless_fit))
+@in_window(fit=endless_fit)
+def test_the_panel_shows_the_fit_of_the_object_in_the_view(window: Driver, model: Model, photo: Path) -> None:
+    editor = window.editor
+    assert not window.exists("Photo/##photo detail")
+    editor.add_and_show(fitted(model), editor.scene.camera)
+    window.show("Photo")
+    assert window.exists("Photo/##photo detail")
+    window.context.drop([str(photo)])
+    window.wait(lambda: len(window.session.fitting.history.steps) > 3)
+    window.ctx.yield_(3)
+    assert window.exists("Photo/###stop fit")
+    assert not window.exists("Photo/##photo detail")  # that would be another object's
+    window.click("Library/**/show fitted")
+    assert window.exists("Photo/##photo detail")
+    assert not window.exists("Photo/###stop fit")
+    window.click("Library/**/show object 5")
+    assert window.exists("Photo/sample cushion")
+    assert window.exists("Photo/###original paint")
+    window.session.fitting.stop()
 
 
 @in_window(fixture="both", cut_out=doubted)
@@ -320,35 +313,29 @@ def test_the_strength_of_the_photo_detail_is_a_slider(window: Driver, model: Mod
     assert window.editor.state == full_strength
 
 
-def test_several_photos_are_fitted_together(drive: Drive, photo: Path, tmp_path: Path) -> None:
-    for name in ("block b.png", "block c.png"):
-        (tmp_path / name).write_bytes(photo.read_bytes())
+@in_window()
+def test_several_photos_are_fitted_together(window: Driver, photo: Path, tmp_path: Path) -> None:
     (tmp_path / "other.txt").write_text("words")
-
-    def act(window: Driver) -> None:
-        session = window.session
-        window.context.drop([str(photo), str(tmp_path / "block b.png")])
-        window.wait(lambda: bool(window.fitting.history.steps) and not window.fitting.running)
-        window.click("Photo/photo 2")
-        window.wait()
-        assert window.fitting.history.photo_index == 1
-        window.click("Photo/###add photo")
-        window.type(str(tmp_path / "block c.png"))
-        window.wait(lambda: len(window.fitting.history.photos) == 3 and not window.fitting.running)
-        window.click("Photo/photo 3")
-        assert window.fitting.history.photo_index == 2
-        window.click("Photo/photo 3", 1)
-        window.click("**/###side back")
-        window.wait(lambda: window.fitting.history.sources[2].side == "back" and not window.fitting.running)
-        assert [fitted.photo.side for fitted in window.fitting.history.photos] == [None, None, "back"]
-        window.click("Photo/photo 1", 1)
-        window.click("**/###remove photo")
-        window.wait(lambda: len(window.fitting.history.photos) == 2 and not window.fitting.running)
-        assert [source.side for source in window.fitting.history.sources] == [None, "back"]
-        window.context.drop([str(photo), str(tmp_path / "other.txt")])
-        assert "1 of 2 are no photos: other.txt" in session.messages.newest.text
-
-    drive(act)
+    window.context.drop([str(photo), str(block(photo, "b"))])
+    window.wait(lambda: bool(window.fitting.history.steps) and not window.fitting.running)
+    window.click("Photo/photo 2")
+    window.wait()
+    assert window.fitting.history.photo_index == 1
+    window.click("Photo/###add photo")
+    window.type(str(block(photo, "c")))
+    window.wait(lambda: len(window.fitting.history.photos) == 3 and not window.fitting.running)
+    window.click("Photo/photo 3")
+    assert window.fitting.history.photo_index == 2
+    window.click("Photo/photo 3", 1)
+    window.click("**/###side back")
+    window.wait(lambda: window.fitting.history.sources[2].side == "back" and not window.fitting.running)
+    assert [fitted.photo.side for fitted in window.fitting.history.photos] == [None, None, "back"]
+    window.click("Photo/photo 1", 1)
+    window.click("**/###remove photo")
+    window.wait(lambda: len(window.fitting.history.photos) == 2 and not window.fitting.running)
+    assert [source.side for source in window.fitting.history.sources] == [None, "back"]
+    window.context.drop([str(photo), str(tmp_path / "other.txt")])
+    assert "1 of 2 are no photos: other.txt" in window.session.messages.newest.text
 
 
 @pytest.mark.parametrize(
@@ -371,8 +358,7 @@ def test_several_photos_agree_or_not_by_a_dot(
     left_out: tuple[int, ...],
     words: str,
 ) -> None:
-    second_photo = photo.with_name("block two.png")
-    second_photo.write_bytes(photo.read_bytes())
+    second_photo = block(photo, "two")
 
     def rated(model: Model, job: FitJob) -> Iterator[FitStep]:
         return (replace(step, margin=margin, psnr=psnr, left_out=left_out) for step in quick_fit(model, job))

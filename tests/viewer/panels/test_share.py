@@ -1,7 +1,6 @@
 import base64
 import io
 import re
-import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,8 +17,6 @@ from PIL import Image
 
 from core.edits.paint import PartPaint
 from core.export.page import PageExtras
-from core.fitting.problem import FitJob
-from core.fitting.steps import FitStep
 from core.metrics import psnr
 from core.models.field import Field
 from core.models.missing import MissingInstance
@@ -28,7 +25,7 @@ from core.models.scene import Scene, save_image
 from core.runtime.files import atomic_file
 from tests.conftest import image_size
 from tests.viewer.driver import Drive, Driver, in_window
-from tests.viewer.stand_ins import quick_fit
+from tests.viewer.stand_ins import HeldFit
 from viewer.services.backend import Backend
 
 
@@ -37,6 +34,13 @@ def filled(model: Model, bias: float) -> Model:
     field = Field(model.field.config)
     torch.nn.init.constant_(field.density_layer.bias, bias)
     return replace(model, field=field)
+
+
+@pytest.fixture
+def block(real_backend: Backend, model: Model) -> Backend:
+    """Nothing stands in but a model of solid blocks."""
+    solid = filled(model, 100.0)
+    return replace(real_backend, load_model=lambda name: solid)
 
 
 def choose(window: Driver, name: str, label: str) -> None:
@@ -60,54 +64,41 @@ def test_files_are_saved_in_one_click_beside_the_last_one(window: Driver, tmp_pa
 
 
 def test_share_keeps_its_object_when_a_fit_ends(drive: Drive, backend: Backend, photo: Path) -> None:
-    may_end = threading.Event()
-
-    def held(model: Model, job: FitJob) -> Iterator[FitStep]:
-        *steps, last = quick_fit(model, job)
-        yield from steps
-        while not may_end.is_set():
-            yield steps[-1]
-        yield last
+    fit = HeldFit()
 
     def act(window: Driver) -> None:
         shared = window.editor.scene.instance
         window.context.drop([str(photo)])
         window.wait(lambda: bool(window.fitting.history.steps))
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)
-        may_end.set()
+        fit.may_end.set()
         window.wait(lambda: not window.fitting.running)
         assert window.editor.objects.own == ["block"]
         assert window.editor.scene.instance is shared
 
-    drive(act, replace(backend, fit=held))
+    drive(act, replace(backend, fit=fit))
 
 
-def test_a_page_is_saved_in_four_actions_and_begins_like_its_preview(
-    drive: Drive, tmp_path: Path, real_backend: Backend, model: Model
-) -> None:
-    block = filled(model, 100.0)
-
-    def act(window: Driver) -> None:
-        exporting = window.session.exporting
-        window.drag("View/orbit", 90, -20)
-        window.press(imgui.Key.mod_ctrl, imgui.Key.e)  # 1
-        window.click("Share/###page")  # 2
-        window.wait(lambda: exporting.preview.image is not None and not exporting.preview.stale)
-        preview = Image.fromarray(exporting.preview.image)
-        assert not window.exists("Share/###small") and not window.exists("Share/###more")
-        window.click("Share/###save")  # 3
-        window.type(str(tmp_path / "block"))  # 4
-        window.wait(lambda: (tmp_path / "block.html").exists() and not exporting.running)
-        assert window.session.messages.errors == []
-        poster = re.search(r'src="data:image/webp;base64,([^"]*)"', (tmp_path / "block.html").read_text())
-        assert poster is not None
-        with Image.open(io.BytesIO(base64.b64decode(poster[1]))) as image:
-            first = np.asarray(image.convert("RGBA").resize(preview.size)) / 255
-        pixels = np.asarray(preview) / 255
-        assert pixels[..., 3].mean() > 0.2
-        assert psnr(first[..., 3], pixels[..., 3]) > 25  # colours of an untrained network are not the same when baked
-
-    drive(act, replace(real_backend, load_model=lambda name: block))
+@in_window("block")
+def test_a_page_is_saved_in_four_actions_and_begins_like_its_preview(window: Driver, tmp_path: Path) -> None:
+    exporting = window.session.exporting
+    window.drag("View/orbit", 90, -20)
+    window.press(imgui.Key.mod_ctrl, imgui.Key.e)  # 1
+    window.click("Share/###page")  # 2
+    window.wait(lambda: exporting.preview.image is not None and not exporting.preview.stale)
+    preview = Image.fromarray(exporting.preview.image)
+    assert not window.exists("Share/###small") and not window.exists("Share/###more")
+    window.click("Share/###save")  # 3
+    window.type(str(tmp_path / "block"))  # 4
+    window.wait(lambda: (tmp_path / "block.html").exists() and not exporting.running)
+    assert window.session.messages.errors == []
+    poster = re.search(r'src="data:image/webp;base64,([^"]*)"', (tmp_path / "block.html").read_text())
+    assert poster is not None
+    with Image.open(io.BytesIO(base64.b64decode(poster[1]))) as image:
+        first = np.asarray(image.convert("RGBA").resize(preview.size)) / 255
+    pixels = np.asarray(preview) / 255
+    assert pixels[..., 3].mean() > 0.2
+    assert psnr(first[..., 3], pixels[..., 3]) > 25  # colours of an untrained network are not the same when baked
 
 
 def test_a_seat_in_five_colours_is_a_page_of_swatches_in_four_actions(drive: Drive, backend: Backend, tmp_path: Path):
@@ -168,59 +159,51 @@ def test_a_turntable_is_saved_and_its_folder_shown(drive: Drive, tmp_path: Path,
     drive(act, replace(real_backend, load_model=lambda name: air))
 
 
-def test_the_preview_is_the_first_frame(drive: Drive, real_backend: Backend, model: Model) -> None:
-    block = filled(model, 100.0)
-
-    def act(window: Driver) -> None:
-        editor = window.editor
-        camera = editor.scene.camera
-        editor.set_camera(replace(camera, distance=0.6 * camera.distance))
-        window.context.share("turntable")
-        preview = window.session.exporting.preview
-        window.wait(lambda: preview.image is not None)
-        opacity = preview.image[..., 3]
-        assert opacity[[0, -1]].max() < 40 < opacity.mean() - 40  # all but the end of its shadow is in sight
-
-    drive(act, replace(real_backend, load_model=lambda name: block))
+@in_window("block")
+def test_the_preview_is_the_first_frame(window: Driver) -> None:
+    editor = window.editor
+    camera = editor.scene.camera
+    editor.set_camera(replace(camera, distance=0.6 * camera.distance))
+    window.context.share("turntable")
+    preview = window.session.exporting.preview
+    window.wait(lambda: preview.image is not None)
+    opacity = preview.image[..., 3]
+    assert opacity[[0, -1]].max() < 40 < opacity.mean() - 40  # all but the end of its shadow is in sight
 
 
-def test_an_image_has_the_chosen_background(drive: Drive, real_backend: Backend, model: Model, tmp_path: Path) -> None:
-    block = filled(model, 100.0)
+@in_window("block")
+def test_an_image_has_the_chosen_background(window: Driver, tmp_path: Path) -> None:
+    def saved(name: str) -> Image.Image:
+        window.click("Share/###save")
+        window.type(str(tmp_path / name))
+        window.wait(lambda: (tmp_path / name).exists() and not window.session.exporting.running)
+        return Image.open(tmp_path / name)
 
-    def act(window: Driver) -> None:
-        def saved(name: str) -> Image.Image:
-            window.click("Share/###save")
-            window.type(str(tmp_path / name))
-            window.wait(lambda: (tmp_path / name).exists() and not window.session.exporting.running)
-            return Image.open(tmp_path / name)
-
-        editor = window.editor
-        editor.set_camera(replace(editor.scene.camera, distance=0.6 * editor.scene.camera.distance))
-        window.press(imgui.Key.mod_ctrl, imgui.Key.e)
-        window.click("Share/###picture")
-        window.click("Share/###more")
-        choose(window, "##background", "Colour")
-        window.context.set_preference(share=replace(window.context.preferences.share, colour=(200, 10, 20)))
-        window.click("Share/###small")
-        with saved("red.png") as image:
-            assert image.getpixel((0, 0)) == (200, 10, 20)
-            assert image.size == (256, 256)
-            pixels = np.asarray(image).astype(int)
-        rows = np.flatnonzero((np.abs(pixels - (200, 10, 20)).sum(-1) > 60).any(1))
-        assert 240 <= rows[-1] < 255  # down to the frame's edge, and no further
-        choose(window, "##background", "Transparent")
-        with saved("clear.png") as image:
-            assert image.mode == "RGBA"
-            assert image.getpixel((0, 0))[3] == 0
-        choose(window, "##background", "As in the view")
-        with saved("view.png") as image:
-            for row, colour in ((0, window.context.palette.background[0]), (255, window.context.palette.background[1])):
-                assert np.abs(np.array(image.getpixel((0, row))) / 255 - colour).max() < 0.02
-        choose(window, "##picture", ".jpg")
-        assert window.context.preferences.share.behind == (255, 255, 255)  # it cannot be transparent
-        assert window.session.messages.errors == []
-
-    drive(act, replace(real_backend, load_model=lambda name: block))
+    editor = window.editor
+    editor.set_camera(replace(editor.scene.camera, distance=0.6 * editor.scene.camera.distance))
+    window.press(imgui.Key.mod_ctrl, imgui.Key.e)
+    window.click("Share/###picture")
+    window.click("Share/###more")
+    choose(window, "##background", "Colour")
+    window.context.set_preference(share=replace(window.context.preferences.share, colour=(200, 10, 20)))
+    window.click("Share/###small")
+    with saved("red.png") as image:
+        assert image.getpixel((0, 0)) == (200, 10, 20)
+        assert image.size == (256, 256)
+        pixels = np.asarray(image).astype(int)
+    rows = np.flatnonzero((np.abs(pixels - (200, 10, 20)).sum(-1) > 60).any(1))
+    assert 240 <= rows[-1] < 255  # down to the frame's edge, and no further
+    choose(window, "##background", "Transparent")
+    with saved("clear.png") as image:
+        assert image.mode == "RGBA"
+        assert image.getpixel((0, 0))[3] == 0
+    choose(window, "##background", "As in the view")
+    with saved("view.png") as image:
+        for row, colour in ((0, window.context.palette.background[0]), (255, window.context.palette.background[1])):
+            assert np.abs(np.array(image.getpixel((0, row))) / 255 - colour).max() < 0.02
+    choose(window, "##picture", ".jpg")
+    assert window.context.preferences.share.behind == (255, 255, 255)  # it cannot be transparent
+    assert window.session.messages.errors == []
 
 
 def test_share_settings_are_kept_between_launches(drive: Drive, tmp_path: Path) -> None:
@@ -244,7 +227,6 @@ def test_share_settings_are_kept_between_launches(drive: Drive, tmp_path: Path) 
 
 def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: Model) -> None:
     def act(window: Driver) -> None:
-        session = window.session
         window.context.share("mesh")
         window.click("Share/###more")
         choose(window, "##mesh", ".ply")
@@ -253,9 +235,9 @@ def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: 
         window.context.set_preference(share=replace(window.context.preferences.share, cells=24))
         window.click("Share/###save")
         window.type(str(tmp_path / "block"))
-        window.wait(lambda: session.exporting.progress > 0)
-        window.wait(lambda: not session.exporting.running)
-        assert session.messages.errors == []
+        window.wait(lambda: window.session.exporting.progress > 0)
+        window.wait(lambda: not window.session.exporting.running)
+        assert window.session.messages.errors == []
         mesh = trimesh.load_mesh(tmp_path / "block.ply")
         assert mesh.is_watertight
         np.testing.assert_allclose(mesh.extents / mesh.extents.max(), np.array(model.extent) / 0.45, rtol=0.05)
@@ -268,7 +250,7 @@ def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: 
         window.context.set_preference(share=replace(window.context.preferences.share, texture=64))
         window.click("Share/###save")
         window.type(str(tmp_path / "block.glb"))
-        window.wait(lambda: (tmp_path / "block.glb").exists() and not session.exporting.running)
+        window.wait(lambda: (tmp_path / "block.glb").exists() and not window.session.exporting.running)
         (read,) = trimesh.load_scene(tmp_path / "block.glb").geometry.values()
         assert (read.extents.max(), read.bounds[0, 1]) == pytest.approx((0.9, 0.0), abs=1e-5)
         assert read.visual.material.baseColorTexture.width > 48
@@ -304,62 +286,43 @@ def test_a_cancelled_export_leaves_no_file(drive: Drive, tmp_path: Path, backend
 
 
 @in_window()
-def test_scenes_and_images_are_saved_and_opened(window: Driver, tmp_path: Path) -> None:
-    window.drag("View/orbit", 90, -20)
-    scene = window.editor.scene
-    window.editor.scene.save(tmp_path / "mine.json")
+def test_an_image_is_saved_with_the_settings_of_the_click(window: Driver, tmp_path: Path) -> None:
     window.menu("File/###share")
     window.click("Share/###picture")
     window.click("Share/###save")
-    # Too late: what stood there at the click counts.
-    window.context.set_preference(share=replace(window.context.preferences.share, size=128))
+    window.context.set_preference(share=replace(window.context.preferences.share, size=128))  # too late
     window.type(str(tmp_path / "mine"))
     window.wait()
     assert image_size(tmp_path / "mine.png") == (512, 512)
-    window.press(imgui.Key.escape)
-    window.click("View/###reset_view")
-    assert window.editor.scene != scene
-    window.press(imgui.Key.mod_ctrl, imgui.Key.o)
-    window.type(str(tmp_path / "mine.json"))
-    assert window.editor.scene == scene
-    window.click("View/###reset_view")
-    window.context.drop([str(tmp_path / "mine.json")])
-    assert window.editor.scene == scene
-    window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.s)
-    window.ctx.item_click("//Choose a file###ask/Cancel")
-    window.ctx.yield_(2)
-    assert not window.context.files.asking
 
 
-def test_a_dropped_image_of_this_program_restores_its_scene(drive: Drive, tmp_path: Path, model: Model, photo: Path):
+@in_window()
+def test_a_dropped_image_of_this_program_restores_its_scene(
+    window: Driver, tmp_path: Path, model: Model, photo: Path
+) -> None:
     foreign = Scene(MissingInstance("another", model.codes[0]), model.camera(0, 0))
     save_image(np.zeros((32, 32, 3), np.uint8), tmp_path / "other.png", foreign)
-
-    def act(window: Driver) -> None:
-        session = window.session
-        editor = window.editor
-        window.drag("View/orbit", 90, -20)
-        window.press(imgui.Key.r)
-        scene = editor.scene
-        window.context.share("picture")
-        window.click("Share/###save")
-        window.type(str(tmp_path / "mine.png"))
-        window.wait()
-        window.context.share_open = False
-        window.click("View/###reset_view")
-        window.click("Library/**/show object 4")
-        window.context.drop([str(tmp_path / "mine.png")])
-        assert editor.scene == scene
-        history = editor.history
-        window.context.drop([str(tmp_path / "other.png")])
-        window.wait(lambda: bool(session.messages.errors))
-        assert "a model that is not open" in session.messages.errors[0]
-        assert editor.history is history
-        assert not session.fitting.running
-        assert editor.objects.own == ["mine"]
-        editor.show_object("object 4")
-        window.context.drop([str(tmp_path / "mine.png"), str(photo)])  # both are taken
-        assert editor.scene == scene
-        window.wait(lambda: "block" in editor.objects.own)
-
-    drive(act)
+    editor = window.editor
+    window.drag("View/orbit", 90, -20)
+    window.press(imgui.Key.r)
+    scene = editor.scene
+    window.context.share("picture")
+    window.click("Share/###save")
+    window.type(str(tmp_path / "mine.png"))
+    window.wait()
+    window.context.share_open = False
+    window.click("View/###reset_view")
+    window.click("Library/**/show object 4")
+    window.context.drop([str(tmp_path / "mine.png")])
+    assert editor.scene == scene
+    history = editor.history
+    window.context.drop([str(tmp_path / "other.png")])
+    window.wait(lambda: bool(window.session.messages.errors))
+    assert "a model that is not open" in window.session.messages.errors[0]
+    assert editor.history is history
+    assert not window.session.fitting.running
+    assert editor.objects.own == ["mine"]
+    editor.show_object("object 4")
+    window.context.drop([str(tmp_path / "mine.png"), str(photo)])  # both are taken
+    assert editor.scene == scene
+    window.wait(lambda: "block" in editor.objects.own)

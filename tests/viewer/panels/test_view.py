@@ -9,13 +9,18 @@ from imgui_bundle import imgui
 
 from core.detail.progressive import render_frame
 from core.export.framing import filling_distance
+from core.models.model import Model
 from tests.core.tiny import tiny_model
-from tests.viewer.driver import Drive, Driver, in_window
+from tests.viewer.driver import Driver, in_window
 from tests.viewer.stand_ins import detailed_fit, endless_fit
-from viewer.services.backend import Backend
 from viewer.values import orbit
 from viewer.values.objects import EditableObject
 from viewer.values.view_modes import MODES
+
+
+def stools(name: str) -> Model:
+    """The model of stools that the drawn images are of."""
+    return replace(tiny_model(), category="chairs")
 
 
 @in_window()
@@ -172,128 +177,111 @@ def test_depth_normals_opacity_and_samples_are_shown(window: Driver, tmp_path: P
     assert window.session.messages.errors == []
 
 
-def test_seven_images_of_turn_side_undo_undo_redo_redo(drive: Drive) -> None:
-    def act(window: Driver) -> None:
-        def image() -> np.ndarray:
-            window.ctx.mouse_move("//Mix/slot B")  # the tooltip is not in the view
-            window.wait()
-            window.wait(lambda: window.session.viewport.sharp)  # every pixel comes once the hand rests
-            return window.capture_view(border=80)
-
-        window.context.set_preference(newcomer=False)
-        images = [image()]
-        for step in (turn, see_the_side, Driver.undo, Driver.undo, Driver.redo, Driver.redo):
-            step(window)
-            images.append(image())
-        assert min(np.abs(a - b).mean() for a, b in combinations(images[:3], 2)) > 0.5
-        first, second, third, *later = images
-        for image_later, expected in zip(later, (second, first, second, third), strict=True):
-            np.testing.assert_allclose(image_later, expected, atol=1)
-
+@in_window()
+def test_seven_images_of_turn_side_undo_undo_redo_redo(window: Driver) -> None:
     def turn(window: Driver) -> None:
         window.drag("View/orbit", 150)
 
     def see_the_side(window: Driver) -> None:
         window.press(imgui.Key._2)
 
-    drive(act)
-
-
-def test_opengl_turns_the_object_where_it_is_fast_and_the_exact_picture_follows(drive: Drive, real_backend: Backend):
-    stools = replace(tiny_model(), category="chairs")
-
-    def act(window: Driver) -> None:
-        context = window.context
-        viewport = window.session.viewport
-        viewport.change(detail=32, samples=32)  # it is sharpened to every pixel
-        window.drag("View/orbit", 30)
-        context.fast_opengl = True
+    def image() -> np.ndarray:
         window.ctx.mouse_move("//Mix/slot B")  # the tooltip is not in the view
-        window.wait(lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
-        exact = window.capture_view(border=80)
-        window.app.each_frame = viewport.render  # as a hand that never rests
-        window.wait(lambda: viewport.baked_frame is not None)
-        turned = window.capture_view(border=80)
-        assert viewport.baked_frame is not None
-        assert 0 < np.sqrt(np.square(turned - exact).mean()) < 6
-        assert np.abs(exact - exact[0, 0]).max() > 50
-        window.app.each_frame = lambda: None
-        window.wait(lambda: viewport.baked_frame is None and viewport.sharp)
-        window.ctx.mouse_move("//View/orbit")
-        viewport.change(mode="depth")  # nothing is baked of that
-        window.drag("View/orbit", 30)
-        assert viewport.baked_frame is None
-        assert window.session.messages.errors == []
+        window.wait()
+        window.wait(lambda: window.session.viewport.sharp)  # every pixel comes once the hand rests
+        return window.capture_view(border=80)
 
-    drive(act, replace(real_backend, load_model=lambda name: stools), size=(900, 600))
+    window.context.set_preference(newcomer=False)
+    images = [image()]
+    for step in (turn, see_the_side, Driver.undo, Driver.undo, Driver.redo, Driver.redo):
+        step(window)
+        images.append(image())
+    assert min(np.abs(a - b).mean() for a, b in combinations(images[:3], 2)) > 0.5
+    first, second, third, *later = images
+    for image_later, expected in zip(later, (second, first, second, third), strict=True):
+        np.testing.assert_allclose(image_later, expected, atol=1)
 
 
-def test_the_shadow_stays_while_the_object_turns(drive: Drive, real_backend: Backend) -> None:
-    stools = replace(tiny_model(), category="chairs")
-
-    def act(window: Driver) -> None:
-        context = window.context
-        viewport = window.session.viewport
-
-        def seen() -> np.ndarray:
-            low, high = context.view
-            window.ctx.mouse_move_to_pos(
-                ((low.x + high.x) / 2, low.y + 20)
-            )  # in the border, where nothing has a tooltip
-            return window.capture_view(border=100)
-
-        viewport.change(detail=32, samples=32)  # it is sharpened to every pixel
-        window.drag("View/orbit", 30)
-        context.fast_opengl = True
-        window.wait(lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
-        with_shadow = seen()
-        frame, crop = viewport.full_frame
-        viewport.full_frame = replace(frame, shadow=None), crop
-        viewport.frame = viewport.full_frame[0]
-        plain = seen()
-        ground = (plain - with_shadow).mean(-1) > 3
-        assert 200 < ground.sum() < 0.3 * ground.size
-        assert (with_shadow <= plain + 1).all()
-        window.app.each_frame = viewport.render  # as a hand that never rests
-        window.wait(lambda: viewport.baked_frame is not None)
-        assert np.median(np.abs(seen() - with_shadow)[ground]) < 2  # it does not jump
-        assert window.session.messages.errors == []
-
-    drive(act, replace(real_backend, load_model=lambda name: stools), size=(900, 600))
+@in_window("real_backend", (900, 600), load_model=stools)
+def test_opengl_turns_the_object_where_it_is_fast_and_the_exact_picture_follows(window: Driver) -> None:
+    context = window.context
+    viewport = window.session.viewport
+    viewport.change(detail=32, samples=32)  # it is sharpened to every pixel
+    window.drag("View/orbit", 30)
+    context.fast_opengl = True
+    window.ctx.mouse_move("//Mix/slot B")  # the tooltip is not in the view
+    window.wait(lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
+    exact = window.capture_view(border=80)
+    window.app.each_frame = viewport.render  # as a hand that never rests
+    window.wait(lambda: viewport.baked_frame is not None)
+    turned = window.capture_view(border=80)
+    assert viewport.baked_frame is not None
+    assert 0 < np.sqrt(np.square(turned - exact).mean()) < 6
+    assert np.abs(exact - exact[0, 0]).max() > 50
+    window.app.each_frame = lambda: None
+    window.wait(lambda: viewport.baked_frame is None and viewport.sharp)
+    window.ctx.mouse_move("//View/orbit")
+    viewport.change(mode="depth")  # nothing is baked of that
+    window.drag("View/orbit", 30)
+    assert viewport.baked_frame is None
+    assert window.session.messages.errors == []
 
 
-def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(drive: Drive, backend: Backend, photo: Path):
-    stools = replace(tiny_model(), category="chairs")
-    framing = replace(backend, load_model=lambda name: stools, distance=filling_distance, fit=detailed_fit)
+@in_window("real_backend", (900, 600), load_model=stools)
+def test_the_shadow_stays_while_the_object_turns(window: Driver) -> None:
+    context = window.context
+    viewport = window.session.viewport
 
-    def act(window: Driver) -> None:
-        viewport = window.session.viewport
+    def seen() -> np.ndarray:
+        low, high = context.view
+        window.ctx.mouse_move_to_pos(((low.x + high.x) / 2, low.y + 20))  # in the border, where nothing has a tooltip
+        return window.capture_view(border=100)
 
-        def filled() -> float:
-            window.wait(lambda: not window.session.jobs.busy("framing"))
-            crop = orbit.fit_to_panel(window.editor.scene.camera, *viewport.settings.panel, 192)
-            opaque = render_frame(window.editor.scene.instance, crop.camera).opacity > 0.2
-            ends = (np.flatnonzero(opaque.any(axis))[[0, -1]] / opaque.shape[1 - axis] for axis in (0, 1))
-            return max(np.abs(2 * both - 1).max() for both in ends)
+    viewport.change(detail=32, samples=32)  # it is sharpened to every pixel
+    window.drag("View/orbit", 30)
+    context.fast_opengl = True
+    window.wait(lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
+    with_shadow = seen()
+    frame, crop = viewport.full_frame
+    viewport.full_frame = replace(frame, shadow=None), crop
+    viewport.frame = viewport.full_frame[0]
+    plain = seen()
+    ground = (plain - with_shadow).mean(-1) > 3
+    assert 200 < ground.sum() < 0.3 * ground.size
+    assert (with_shadow <= plain + 1).all()
+    window.app.each_frame = viewport.render  # as a hand that never rests
+    window.wait(lambda: viewport.baked_frame is not None)
+    assert np.median(np.abs(seen() - with_shadow)[ground]) < 2  # it does not jump
+    assert window.session.messages.errors == []
 
-        assert filled() == pytest.approx(0.75, abs=0.06)
-        crop = viewport.request.crop(64)
-        _, height = viewport.settings.panel
-        opaque = crop.cropped(render_frame(window.editor.scene.instance, crop.camera)).opacity > 0.2
-        assert viewport.settings.covered > 50  # by the card with the samples
-        assert not opaque[round(len(opaque) * (1 - viewport.settings.covered / height)) :].any()
-        window.click(f"Library/**/show {[*next(iter(window.editor.objects.families.values()))][2]}")
-        assert filled() == pytest.approx(0.75, abs=0.06)
-        assert len(window.editor.history.past) == 1
-        assert viewport.settings.covered > 50  # the samples stay
-        window.fit(photo)
-        assert filled() == pytest.approx(0.75, abs=0.06)
-        assert orbit.same_direction(window.editor.scene.camera, window.fitting.view.camera)
-        window.press(imgui.Key._4)
-        assert window.editor.scene.camera == window.session.photo_camera
-        assert window.session.messages.errors == []
 
-    drive(act, framing, size=(900, 600))
+@in_window(size=(900, 600), load_model=stools, distance=filling_distance, fit=detailed_fit)
+def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(window: Driver, photo: Path) -> None:
+    viewport = window.session.viewport
+
+    def filled() -> float:
+        window.wait(lambda: not window.session.jobs.busy("framing"))
+        crop = orbit.fit_to_panel(window.editor.scene.camera, *viewport.settings.panel, 192)
+        opaque = render_frame(window.editor.scene.instance, crop.camera).opacity > 0.2
+        ends = (np.flatnonzero(opaque.any(axis))[[0, -1]] / opaque.shape[1 - axis] for axis in (0, 1))
+        return max(np.abs(2 * both - 1).max() for both in ends)
+
+    assert filled() == pytest.approx(0.75, abs=0.06)
+    crop = viewport.request.crop(64)
+    _, height = viewport.settings.panel
+    opaque = crop.cropped(render_frame(window.editor.scene.instance, crop.camera)).opacity > 0.2
+    assert viewport.settings.covered > 50  # by the card with the samples
+    assert not opaque[round(len(opaque) * (1 - viewport.settings.covered / height)) :].any()
+    window.click(f"Library/**/show {[*next(iter(window.editor.objects.families.values()))][2]}")
+    assert filled() == pytest.approx(0.75, abs=0.06)
+    assert len(window.editor.history.past) == 1
+    assert viewport.settings.covered > 50  # the samples stay
+    window.fit(photo)
+    assert filled() == pytest.approx(0.75, abs=0.06)
+    assert orbit.same_direction(window.editor.scene.camera, window.fitting.view.camera)
+    window.press(imgui.Key._4)
+    assert window.editor.scene.camera == window.session.photo_camera
+    assert window.session.messages.errors == []
 
 
 @in_window(fit=endless_fit, distance=lambda *_: 1.1)
@@ -311,3 +299,26 @@ def test_the_object_stands_still_under_a_hand_and_a_first_fit_has_its_own_camera
     window.fitting.stop()
     window.wait()
     assert orbit.same_direction(window.editor.scene.camera, window.fitting.view.camera)
+
+
+@in_window(fit=endless_fit)
+def test_the_view_is_turned_around_a_growing_fit_and_follow_returns(window: Driver, photo: Path) -> None:
+    viewport = window.session.viewport
+    window.context.drop([str(photo)])
+    window.wait(lambda: viewport.source == "fit")
+    window.drag("View/orbit", 120)
+    assert viewport.following
+    assert viewport.turned
+    assert viewport.source == "fit"
+    assert window.editor.scene.camera.azimuth != pytest.approx(1.0, abs=0.1)
+    window.ctx.yield_(3)
+    window.click("Library/**/waits block.png")
+    assert not viewport.turned
+    window.wait(lambda: viewport.full_frame[1].camera.azimuth == pytest.approx(1.0))
+    window.press(imgui.Key.r)  # another shape and texture
+    assert viewport.source == "scene"
+    window.click("Library/**/waits block.png")
+    window.wait(lambda: viewport.source == "fit")
+    window.fitting.stop()
+    window.wait()
+    assert window.editor.state.mix.a.shape == "block"

@@ -151,25 +151,6 @@ def test_a_tile_asks_for_no_file_that_is_back_and_refuses_another_model(
     drive(act, file_backend)
 
 
-def test_a_state_of_a_missing_model_is_grey_and_found_by_a_click(
-    drive: Drive, file_backend: Backend, made: Project, stools: Path
-) -> None:
-    moved = stools.rename(stools.with_name("elsewhere.safetensors"))
-
-    def act(window: Driver) -> None:
-        window.context.drop([str(stools.with_name("a.codenerf"))])
-        window.wait()
-        session = window.session
-        editor = window.editor
-        editor.undo()
-        window.ctx.yield_(3)
-        find(window, "History/state 3", moved)
-        assert editor.model.category == "stools"
-        assert session.messages.errors == []
-
-    drive(act, file_backend)
-
-
 def test_a_branch_of_a_missing_model_is_grey_and_found_by_a_click(
     drive: Drive, file_backend: Backend, worker: Worker, stools: Path
 ) -> None:

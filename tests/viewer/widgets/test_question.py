@@ -6,8 +6,7 @@ import pytest
 from core.photos.detector import UNDETECTED, Detection
 from core.photos.photo import read_cut_out
 from core.photos.segmentation import CutOut, Hints
-from tests.viewer.driver import Drive, Driver, in_window
-from viewer.services.backend import Backend
+from tests.viewer.driver import Driver, in_window
 from viewer.values.fit_history import PhotoSource
 
 
@@ -18,20 +17,16 @@ def throne(path: Path, hints: Hints | None) -> CutOut:
 
 
 @pytest.mark.parametrize("category", ["chairs", "cars"])
-def test_a_doubtful_category_is_chosen_by_a_click_on_its_image(
-    drive: Drive, both: Backend, photo: Path, category: str
-) -> None:
-    def act(window: Driver) -> None:
-        window.context.drop([str(photo)])
-        window.wait(lambda: bool(window.fitting.questions))
-        assert window.fitting.questions[0].words in ("Is it a chair or a car?", "Is it a car or a chair?")
-        assert not window.exists("Photo/###this one"), "nothing is taken for granted"
-        window.click(f"Photo/as {category}")
-        window.wait(lambda: not window.fitting.running)
-        assert window.editor.objects.own == ["block"]
-        assert window.editor.model.category == category
-
-    drive(act, replace(both, cut_out=throne))
+@in_window("both", cut_out=throne)
+def test_a_doubtful_category_is_chosen_by_a_click_on_its_image(window: Driver, photo: Path, category: str) -> None:
+    window.context.drop([str(photo)])
+    window.wait(lambda: bool(window.fitting.questions))
+    assert window.fitting.questions[0].words in ("Is it a chair or a car?", "Is it a car or a chair?")
+    assert not window.exists("Photo/###this one"), "nothing is taken for granted"
+    window.click(f"Photo/as {category}")
+    window.wait(lambda: not window.fitting.running)
+    assert window.editor.objects.own == ["block"]
+    assert window.editor.model.category == category
 
 
 @in_window(fixture="both", guess_category=lambda cut: {})

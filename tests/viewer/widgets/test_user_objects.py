@@ -1,11 +1,8 @@
-import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
-import pytest
 from imgui_bundle import imgui
 
 from core.models.model import Instance, Model
@@ -13,19 +10,6 @@ from tests.viewer.driver import Drive, Driver, in_window
 from viewer.values.objects import EditableObject
 from viewer.values.printable import as_label
 from viewer.widgets import user_objects
-
-
-@pytest.fixture
-def kill(tmp_path: Path) -> Callable[[Driver], Path]:
-    """Copies the folder of a run once its session is saved, as it would be after a kill."""
-
-    def copied(window: Driver) -> Path:
-        window.wait(lambda: window.session.recording.is_up_to_date)
-        left = tmp_path / f"left {len(list(tmp_path.glob('left *')))}"
-        shutil.copytree(tmp_path / "config", left, ignore=shutil.ignore_patterns(".*"))
-        return left
-
-    return copied
 
 
 def test_fitted_objects_are_renamed_removed_and_last(drive: Drive, photo: Path, tmp_path: Path) -> None:
@@ -72,46 +56,26 @@ def paint(window: Driver, colour: tuple[float, float, float]) -> Instance:
     return window.editor.scene.instance
 
 
-def test_a_painted_object_is_painted_in_mine_after_a_click_and_at_the_next_start(
-    drive: Drive, photo: Path, tmp_path: Path, kill: Callable[[Driver], Path]
-) -> None:
-    def first(window: Driver) -> None:
-        editor = window.editor
-        window.fit(photo)
-        fitted = editor.scene.instance
-        white = tile(window)
-        red = paint(window, (1.0, 0.0, 0.0))
-        window.click("Library/**/show object 3")
-        window.wait()
-        assert np.abs(tile(window) - white).max() > 30
-        window.click("Library/**/show block")
-        assert editor.scene.instance == red
-        window.choose("block", "###keep version")
-        assert editor.objects.own == ["block"] and editor.scene.instance == red
-        blue = paint(window, (0.0, 0.0, 1.0))
-        window.click("Library/**/version 0 of block")
-        assert editor.scene.instance == fitted and editor.objects["block"].instance == blue
-        assert window.fitting.shown.sources  # it can be tried again
-        window.undo()
-        assert editor.scene.instance == editor.objects["block"].instance == blue
-        made.extend((fitted, blue, red))
-        left.append(kill(window))
-
-    def second(window: Driver) -> None:
-        editor = window.editor
-        assert editor.objects.states("block") == made
-        window.menu("File/###new_project")
-        editor = window.editor
-        assert editor.objects.own == ["block"]
-        for number, instance in enumerate(made):
-            window.click(f"Library/**/version {number} of block")
-            assert editor.scene.instance == instance
-
-    made = list[Instance]()
-    left = list[Path]()
-    drive(first, folder=tmp_path / "config")
-    for folder in (tmp_path / "config", left[0]):
-        drive(second, folder=folder)
+@in_window()
+def test_a_painted_object_is_painted_in_mine_after_a_click(window: Driver, photo: Path) -> None:
+    window.fit(photo)
+    fitted = window.editor.scene.instance
+    white = tile(window)
+    red = paint(window, (1.0, 0.0, 0.0))
+    window.click("Library/**/show object 3")
+    window.wait()
+    assert np.abs(tile(window) - white).max() > 30
+    window.click("Library/**/show block")
+    assert window.editor.scene.instance == red
+    window.choose("block", "###keep version")
+    assert window.editor.objects.own == ["block"] and window.editor.scene.instance == red
+    blue = paint(window, (0.0, 0.0, 1.0))
+    window.click("Library/**/version 0 of block")
+    assert window.editor.scene.instance == fitted and window.editor.objects["block"].instance == blue
+    assert window.fitting.shown.sources  # it can be tried again
+    window.undo()
+    assert window.editor.scene.instance == window.editor.objects["block"].instance == blue
+    assert window.editor.objects.states("block") == [fitted, blue, red]
 
 
 def tile(window: Driver, name: str = "block") -> np.ndarray:
@@ -121,42 +85,21 @@ def tile(window: Driver, name: str = "block") -> np.ndarray:
     return window.capture()[int(box.min.y) : int(box.max.y), int(box.min.x) : int(box.max.x)]
 
 
-def test_a_removed_object_comes_back_by_undo_by_its_message_and_after_a_kill(
-    drive: Drive, photo: Path, tmp_path: Path, kill: Callable[[Driver], Path]
-) -> None:
-    def first(window: Driver) -> None:
-        window.fit(photo)
-        window.menu("File/###new_project")
-        objects = window.editor.objects  # the object is not in the new history
-        window.choose("block", "###remove object")
-        assert objects.own == [] and "Removed block" in window.session.messages.newest.text
-        window.undo()
-        assert objects.own == ["block"]
-        window.redo()
-        assert objects.own == []
-        window.drag("View/orbit", 30)
-        window.click("##MainMenuBar/##MenuBar/###undo")
-        assert objects.own == ["block"]
-        assert window.session.messages.newest is None
-        window.choose("block", "###remove object")
-        left.append(kill(window))
-
-    def second(window: Driver) -> None:
-        objects = window.editor.objects
-        assert objects.own == []
-        window.undo()
-        assert objects.own == ["block"]
-        window.redo()
-        window.menu("File/###new_project")
-        assert window.editor.objects.own == []  # for good, but for the earlier session
-        window.menu("File/Recent/###earlier 1")
-        window.undo()
-        assert window.editor.objects.own == ["block"]
-
-    left = list[Path]()
-    drive(first, folder=tmp_path / "config")
-    for folder in (tmp_path / "config", left[0]):
-        drive(second, folder=folder)
+@in_window()
+def test_a_removed_object_comes_back_by_undo_and_by_its_message(window: Driver, photo: Path) -> None:
+    window.fit(photo)
+    window.menu("File/###new_project")
+    objects = window.editor.objects  # the object is not in the new history
+    window.choose("block", "###remove object")
+    assert objects.own == [] and "Removed block" in window.session.messages.newest.text
+    window.undo()
+    assert objects.own == ["block"]
+    window.redo()
+    assert objects.own == []
+    window.drag("View/orbit", 30)
+    window.click("##MainMenuBar/##MenuBar/###undo")
+    assert objects.own == ["block"]
+    assert window.session.messages.newest is None
 
 
 @in_window()

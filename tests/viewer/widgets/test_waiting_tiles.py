@@ -14,7 +14,7 @@ from core.models.model import Model
 from core.photos.photo import Photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
 from tests.viewer.driver import Drive, Driver, in_window
-from tests.viewer.stand_ins import doubted, endless_fit, quick_fit, quick_photo
+from tests.viewer.stand_ins import block, broken_fit, doubted, endless_fit, quick_fit, quick_photo
 from tests.viewer.test_editor import fitted
 from viewer.services.backend import Backend
 from viewer.values.fit_history import PhotoSource
@@ -35,14 +35,6 @@ class LearningFit:
         yield from steps
 
 
-def blocks(photo: Path, names: str) -> list[Path]:
-    """Copies of a photo."""
-    paths = [photo.with_name(f"block {name}.png") for name in names]
-    for path in paths:
-        path.write_bytes(photo.read_bytes())
-    return paths
-
-
 @pytest.mark.parametrize("times", [2, pytest.param(20, marks=pytest.mark.slow)])
 def test_photos_dropped_beside_an_object_with_photo_detail_are_all_fitted(
     drive: Drive, real_backend: Backend, model: Model, photo: Path, times: int
@@ -54,7 +46,7 @@ def test_photos_dropped_beside_an_object_with_photo_detail_are_all_fitted(
         objects = window.editor.objects
         for number in range(times):
             fit.may_end.clear()
-            for path in blocks(photo, "abcd"):
+            for path in [block(photo, name) for name in "abcd"]:
                 window.context.drop([str(path)])
             detailed = objects[objects.add(fitted(model))].instance
             # The object's tile compares its photo with a render between steps of the fit.
@@ -68,44 +60,35 @@ def test_photos_dropped_beside_an_object_with_photo_detail_are_all_fitted(
     drive(act, replace(real_backend, fit=fit, frame_photo=quick_photo))
 
 
-def failing_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
-    """Ends for want of memory after three steps."""
-    yield from list(quick_fit(model, job))[:3]
-    raise MemoryError
-
-
 def failing_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
     raise RuntimeError("element 0 of tensors does not require grad")
 
 
-@pytest.mark.parametrize("fault", [{"fit": failing_fit}, {"frame_photo": failing_photo}])
+@pytest.mark.parametrize("fault", [{"fit": broken_fit}, {"frame_photo": failing_photo}])
+@in_window("both", cut_out=doubted)
 def test_a_failed_fit_keeps_photo_and_cut_out_to_try_again(
-    drive: Drive, both: Backend, photo: Path, fault: dict[str, object]
+    window: Driver, photo: Path, fault: dict[str, object]
 ) -> None:
-    def act(window: Driver) -> None:
-        session = window.session
-        working = session.jobs.backend
-        session.jobs.backend = replace(working, **fault)  # type: ignore[arg-type]
-        window.context.drop([str(photo)])
-        window.wait(lambda: bool(window.fitting.questions))
-        photo.unlink()  # a photo in the clipboard, or on a stick that is pulled out
-        window.click("Photo/###as chairs")
-        window.wait(lambda: not window.fitting.running)
-        window.wait()
-        assert session.messages.errors, "the reason is said"
-        assert window.exists("Library/**/waits block.png")
-        assert window.exists("Photo/photo")
-        window.click("Library/**/show object 5")
-        assert not window.exists("Photo/###try again"), "the panel is about the object on screen"
-        window.click("Library/**/waits block.png")
-        session.jobs.backend = working
-        window.click("Photo/###try again")
-        window.wait(lambda: not window.fitting.running)
-        assert session.editor.objects.own == ["block"]
-        assert session.editor.model.category == "chairs"
-        assert not window.fitting.pending
-
-    drive(act, replace(both, cut_out=doubted))
+    working = window.session.jobs.backend
+    window.session.jobs.backend = replace(working, **fault)  # type: ignore[arg-type]
+    window.context.drop([str(photo)])
+    window.wait(lambda: bool(window.fitting.questions))
+    photo.unlink()  # a photo in the clipboard, or on a stick that is pulled out
+    window.click("Photo/###as chairs")
+    window.wait(lambda: not window.fitting.running)
+    window.wait()
+    assert window.session.messages.errors, "the reason is said"
+    assert window.exists("Library/**/waits block.png")
+    assert window.exists("Photo/photo")
+    window.click("Library/**/show object 5")
+    assert not window.exists("Photo/###try again"), "the panel is about the object on screen"
+    window.click("Library/**/waits block.png")
+    window.session.jobs.backend = working
+    window.click("Photo/###try again")
+    window.wait(lambda: not window.fitting.running)
+    assert window.session.editor.objects.own == ["block"]
+    assert window.session.editor.model.category == "chairs"
+    assert not window.fitting.pending
 
 
 @in_window()
@@ -152,7 +135,7 @@ def test_photos_dropped_beside_a_question_show_their_state_at_once(drive: Drive,
         assert window.exists("Photo/###this one")
         window.click(f"Library/###{window.session.models.of_category('cars').fingerprint}")
         try:
-            for path in blocks(photo, "bc"):
+            for path in (block(photo, "b"), block(photo, "c")):
                 window.context.drop([str(path)])
             window.ctx.yield_(3)
             for panel in ("Library", "Photo"):
@@ -179,7 +162,7 @@ def killed(folder: Path) -> Path:
 def test_a_photo_that_waits_is_fitted_as_dropped_though_its_file_changes_and_the_program_is_killed(
     drive: Drive, both: Backend, photo: Path, tmp_path: Path, asked: bool
 ) -> None:
-    changed, gone = blocks(photo, "bc")
+    changed, gone = (block(photo, name) for name in "bc")
     pixels = read_cut_out(photo, None).pixels
     fitted_pixels = list[np.ndarray]()
 
@@ -216,14 +199,14 @@ def test_a_photo_that_waits_is_fitted_as_dropped_though_its_file_changes_and_the
 
 @in_window("both")
 def test_a_chosen_object_takes_the_place_of_a_question_until_its_tile_is_clicked(window: Driver, photo: Path) -> None:
-    window.session.jobs.backend = replace(window.session.jobs.backend, fit=failing_fit)
+    window.session.jobs.backend = replace(window.session.jobs.backend, fit=broken_fit)
     window.context.drop([str(photo)])
     window.wait(lambda: bool(window.fitting.questions))
     name = window.editor.state.mix.a.shape
     for cut_out in (read_cut_out, doubted):
         window.session.jobs.backend = replace(window.session.jobs.backend, cut_out=cut_out)
         if cut_out is doubted:
-            window.context.drop([str(path) for path in blocks(photo, "b")])
+            window.context.drop([str(block(photo, "b"))])
             window.wait(lambda: len(window.fitting.questions) == 2)
         tile = "waits block b.png" if cut_out is doubted else "waits block.png"
         window.click(f"Library/**/{tile}")
@@ -233,35 +216,32 @@ def test_a_chosen_object_takes_the_place_of_a_question_until_its_tile_is_clicked
         assert window.exists(f"Library/**/{tile}")
 
 
+@in_window("both")
 def test_photos_that_wait_are_kept_when_a_project_is_opened_or_begun(
-    drive: Drive, both: Backend, photo: Path, tmp_path: Path
+    window: Driver, photo: Path, tmp_path: Path
 ) -> None:
-    def act(window: Driver) -> None:
-        session = window.session
-        project = tmp_path / "a.codenerf"
-        working = session.jobs.backend
-        window.click("Library/**/show object 3")
-        session.save_project(project)
-        session.jobs.backend = replace(working, fit=failing_fit, cut_out=doubted)
-        for path in (photo, *blocks(photo, "b")):
-            window.context.drop([str(path)])
-        window.wait(lambda: len(session.fitting.questions) == 2)
-        window.click("Photo/###as chairs")
-        window.wait(lambda: any(question.is_failed for question in session.fitting.questions))
+    project = tmp_path / "a.codenerf"
+    working = window.session.jobs.backend
+    window.click("Library/**/show object 3")
+    window.session.save_project(project)
+    window.session.jobs.backend = replace(working, fit=broken_fit, cut_out=doubted)
+    for path in (photo, block(photo, "b")):
+        window.context.drop([str(path)])
+    window.wait(lambda: len(window.session.fitting.questions) == 2)
+    window.click("Photo/###as chairs")
+    window.wait(lambda: any(question.is_failed for question in window.session.fitting.questions))
+    window.wait()
+    for begin in (lambda: window.context.drop([str(project)]), lambda: window.menu("File/###new_project")):
+        begin()
         window.wait()
-        for begin in (lambda: window.context.drop([str(project)]), lambda: window.menu("File/###new_project")):
-            begin()
-            window.wait()
-            assert window.exists("Library/**/waits block.png"), "it failed"
-            assert window.exists("Library/**/waits block b.png"), "it is asked about"
-        photo.unlink()
-        session.jobs.backend = working
-        window.click("Library/**/waits block.png")
-        window.click("Photo/###try again")  # with its cut-out
-        window.wait(lambda: not session.fitting.running)
-        assert session.editor.objects.own == ["block"]
-
-    drive(act, both)
+        assert window.exists("Library/**/waits block.png"), "it failed"
+        assert window.exists("Library/**/waits block b.png"), "it is asked about"
+    photo.unlink()
+    window.session.jobs.backend = working
+    window.click("Library/**/waits block.png")
+    window.click("Photo/###try again")  # with its cut-out
+    window.wait(lambda: not window.session.fitting.running)
+    assert window.session.editor.objects.own == ["block"]
 
 
 def test_a_running_fit_goes_on_when_a_project_is_opened(drive: Drive, backend: Backend, photo: Path, tmp_path: Path):
