@@ -31,29 +31,6 @@ def test_a_click_in_the_history_brings_an_edit_back_and_each_object_has_one_tile
     assert window.editor.scene == last.scene
 
 
-@in_window()
-def test_turning_the_view_at_an_earlier_state_keeps_the_later_ones(window: Driver) -> None:
-    for number in (2, 3, 4):
-        window.click(f"Library/**/show object {number}")
-    window.wait()
-    last = window.editor.state
-    window.click("History/state 2")
-    earlier = window.editor.state
-    for _ in range(2):
-        window.drag("View/orbit", 30)
-    turned = window.editor.state
-    assert turned.scene.camera != earlier.scene.camera and turned.scene.instance == earlier.scene.instance
-    assert window.exists("History/state 4") and not window.exists("History/branch 1")
-    for _ in range(2):
-        window.redo()
-    assert window.editor.state == last
-    for _ in range(3):
-        window.undo()
-    assert window.editor.state == earlier
-    window.click("History/state 4")
-    assert window.editor.state == last
-
-
 def test_an_edit_of_an_earlier_state_leaves_a_branch_that_is_saved_and_one_click_away(
     drive: Drive, tmp_path: Path
 ) -> None:

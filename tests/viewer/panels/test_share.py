@@ -206,25 +206,6 @@ def test_an_image_has_the_chosen_background(window: Driver, tmp_path: Path) -> N
     assert window.session.messages.errors == []
 
 
-def test_share_settings_are_kept_between_launches(drive: Drive, tmp_path: Path) -> None:
-    def first(window: Driver) -> None:
-        window.context.share("mesh")
-        window.click("Share/###more")
-        choose(window, "##mesh", ".obj")
-        window.click("Share/###film")
-        choose(window, "##video", "webp")
-        choose(window, "##background", "Transparent")
-
-    def second(window: Driver) -> None:
-        window.click("View/###share")
-        settings = window.context.preferences.share
-        assert (settings.kind, settings.video, settings.mesh, settings.behind) == ("swing", ".webp", ".obj", None)
-        assert not window.exists("Share/##video")  # it is folded away
-
-    for act in (first, second):
-        drive(act, folder=tmp_path)
-
-
 def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: Model) -> None:
     def act(window: Driver) -> None:
         window.context.share("mesh")

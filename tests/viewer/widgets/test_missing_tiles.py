@@ -177,21 +177,3 @@ def test_a_branch_of_a_missing_model_is_grey_and_found_by_a_click(
         assert window.session.messages.errors == []
 
     drive(act, file_backend)
-
-
-def test_a_removed_tile_comes_back_by_undo_and_is_deleted_by_new(
-    drive: Drive, file_backend: Backend, made: Project, stools: Path
-) -> None:
-    stools.unlink()
-
-    def act(window: Driver) -> None:
-        window.editor.unlist(frozenset(("Red stool", "Red stool (2)")))  # the second one is a version with a mix
-        assert window.editor.objects.own == []
-        window.undo()
-        assert window.editor.objects.own == ["Red stool"]
-        assert window.editor.objects.is_missing("Red stool")
-        window.redo()
-        window.menu("File/###new_project")
-        assert window.editor.objects.own == []
-
-    drive(act, file_backend, folder=stools.parent / "config")

@@ -72,17 +72,3 @@ def test_a_photo_whose_file_is_gone_is_fitted_once_the_file_is_found(window: Dri
     window.session.answers.relocate(window.fitting.questions[0], moved)
     window.wait(lambda: not window.fitting.running)
     assert not window.fitting.pending and window.editor.objects.own == ["moved"]
-
-
-@in_window()
-def test_a_photo_that_is_back_is_tried_again(window: Driver, photo: Path) -> None:
-    content = photo.read_bytes()
-    photo.unlink()
-    window.fitting.fit(PhotoSource(photo))
-    window.wait(lambda: bool(window.fitting.questions))
-    window.click("Library/**/waits block.png")
-    photo.write_bytes(content)
-    window.wait(lambda: window.exists("Photo/###try again"))
-    window.click("Photo/###try again")
-    window.wait(lambda: not window.fitting.running)
-    assert window.editor.objects.own == ["block"]
