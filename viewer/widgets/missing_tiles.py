@@ -41,13 +41,11 @@ def draw_state(context: PanelContext, state: State, words: str, name: str, side:
     session = context.session
     corner = imgui.get_cursor_screen_pos()
     model = state.scene.instance.fingerprint
-    if not state.scene.instance.is_missing:
-        object_tiles.tile_button(name, (side, side))
-        tooltip(f"Cannot be shown, as one of its objects is missing: {words}")
-    else:
-        if object_tiles.tile_button(name, (side, side)):
-            context.find_model(model, lambda: session.editor.show_state(state))
-        tooltip(f"Needs {session.model_name(model)}, which is not there: {words}\nClick to find it")
+    is_missing = state.scene.instance.is_missing
+    if object_tiles.tile_button(name, (side, side)) and is_missing:
+        context.find_model(model, lambda: session.editor.show_state(state))
+    needs = f"Needs {session.model_name(model)}, which is not there: {words}\nClick to find it"
+    tooltip(needs if is_missing else f"Cannot be shown, as one of its objects is missing: {words}")
     paint(context, "", corner, side)
 
 

@@ -1,6 +1,7 @@
 """A box around the object in the view, with handles for its sides and for legs or roof."""
 
 from collections.abc import Sequence
+from itertools import product
 from typing import NamedTuple
 
 import torch
@@ -16,8 +17,7 @@ from viewer.screen.theme import ON_PLATE, packed
 from viewer.widgets.controls import end_gesture
 from viewer.widgets.text import paint_on_plate
 
-_CORNERS = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
-_EDGES = [(a, b) for a in range(8) for b in range(a) if sum(map(abs, map(int.__sub__, _CORNERS[a], _CORNERS[b]))) == 1]
+_EDGES = [(a, b) for a in range(8) for b in range(a) if (a ^ b).bit_count() == 1]  # of corners whose bits are x, y, z
 _RADIUS = 0.42  # em, of a handle
 
 
@@ -113,8 +113,7 @@ class _Projection(NamedTuple):
 
 
 def _draw_edges(context: PanelContext, projection: _Projection, box: Bounds) -> None:
-    points = [tuple((box.low, box.high)[number][axis] for axis, number in enumerate(corner)) for corner in _CORNERS]
-    corners = projection.on_screen(*points)
+    corners = projection.on_screen(*product(*zip(box.low, box.high, strict=True)))
     draw = imgui.get_window_draw_list()
     colour = packed(context.palette.accent, 0.8)
     for first, second in _EDGES:
