@@ -49,57 +49,19 @@ void main() {
 """
 
 
-class Target:
-    """A texture to draw into, resized on demand."""
-
-    def __init__(self, context: moderngl.Context) -> None:
-        self._context = context
-        self._texture: moderngl.Texture | None = None
-        self._framebuffer: moderngl.Framebuffer | None = None
-
-    @property
-    def texture(self) -> moderngl.Texture:
-        """The texture with the last image; call after :meth:`of_size`."""
-        assert self._texture is not None, "nothing yet"
-        return self._texture
-
-    @contextmanager
-    def of_size(self, size: tuple[int, int]) -> Iterator[None]:
-        """Bind the texture, resized to ``size`` (px), as the framebuffer inside a ``with``."""
-        screen = self._context.screen  # None without a window
-        previous = screen and (self._context.fbo or screen)
-        if self._framebuffer is None or self._framebuffer.size != size:
-            self.release()
-            self._texture = self._context.texture(size, 4)
-            self._framebuffer = self._context.framebuffer([self._texture])
-        self._framebuffer.use()
-        self._context.viewport = (0, 0, *size)
-        # ImGui leaves its own state behind, blending and scissors included.
-        self._context.disable(moderngl.BLEND | moderngl.CULL_FACE | moderngl.DEPTH_TEST)
-        self._context.scissor = None
-        yield
-        if previous:
-            previous.use()
-
-    def release(self) -> None:
-        """Release the GL objects."""
-        for resource in (self._framebuffer, self._texture):
-            if resource is not None:
-                resource.release()
-
-
 class Canvas:
     """The object, scaled to the view, with the theme's background, a shadow on the ground, and the ring of photos."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._target = Target(context)
+        self._texture = context.texture((1, 1), 4)  # the last image
+        self._framebuffer = context.framebuffer([self._texture])
         self._background = context.program(vertex_shader=_SCREEN, fragment_shader=_BACKGROUND)
         self._background_pass = context.vertex_array(self._background, [])
         self._ground = GroundShader(context)
         self._program = context.program(vertex_shader=_SCREEN, fragment_shader=_FRAGMENT)
         self._pass = context.vertex_array(self._program, [])
-        self._image: moderngl.Texture | None = None
+        self._image = context.texture((1, 1), 4)  # the last frame
         self._baked = BakedShader(context)
         self._inputs: tuple[Any, ...] = ()  # of the drawn texture
 
@@ -113,13 +75,13 @@ class Canvas:
         """
         if (baked, crop, palette, ring) != self._inputs:
             size = crop.width, crop.height
-            with self._target.of_size(size):
+            with self._drawing(size):
                 self._fill(palette)
                 self._cast(baked.shadow, crop, ring)
                 self._baked.upload(baked)
                 self._baked.draw(crop.camera, size, (crop.left, crop.top))
             self._inputs = baked, crop, palette, ring
-        return imgui.ImTextureRef(self._target.texture.glo)
+        return imgui.ImTextureRef(self._texture.glo)
 
     def draw(
         self,
@@ -140,25 +102,43 @@ class Canvas:
         inputs = (frame, crop, size, palette, shadow, ring)
         if inputs != self._inputs:
             self._upload(frame)
-            with self._target.of_size(size):
+            with self._drawing(size):
                 self._fill(palette)
                 self._context.viewport = within(size, (crop.width, crop.height))
                 self._cast(frame.shadow if shadow else None, crop, ring)
                 self._draw_image()
             self._inputs = inputs
-        return imgui.ImTextureRef(self._target.texture.glo)
+        return imgui.ImTextureRef(self._texture.glo)
 
     def pixels(self) -> UInt8[np.ndarray, "height width 3"]:
         """Return the last image; call after :meth:`draw` or :meth:`draw_baked`."""
-        texture = self._target.texture
-        return np.frombuffer(texture.read(), np.uint8).reshape(*texture.size[::-1], 4)[..., :3]
+        return np.frombuffer(self._texture.read(), np.uint8).reshape(*self._texture.size[::-1], 4)[..., :3]
 
     def release(self) -> None:
         """Release the GL objects."""
         background = self._background_pass, self._background, self._ground
-        for resource in (self._image, self._target, self._pass, self._program, self._baked, *background):
-            if resource is not None:
-                resource.release()
+        target = self._framebuffer, self._texture
+        for resource in (*target, self._image, self._pass, self._program, self._baked, *background):
+            resource.release()
+
+    @contextmanager
+    def _drawing(self, size: tuple[int, int]) -> Iterator[None]:
+        """Bind the texture, resized to ``size`` (px), as the framebuffer inside a ``with``."""
+        screen = self._context.screen  # None without a window
+        previous = screen and (self._context.fbo or screen)
+        if self._texture.size != size:
+            self._framebuffer.release()
+            self._texture.release()
+            self._texture = self._context.texture(size, 4)
+            self._framebuffer = self._context.framebuffer([self._texture])
+        self._framebuffer.use()
+        self._context.viewport = (0, 0, *size)
+        # ImGui leaves its own state behind, blending and scissors included.
+        self._context.disable(moderngl.BLEND | moderngl.CULL_FACE | moderngl.DEPTH_TEST)
+        self._context.scissor = None
+        yield
+        if previous:
+            previous.use()
 
     def _fill(self, palette: Palette) -> None:
         """Fill the current framebuffer with the theme's background."""
@@ -171,16 +151,13 @@ class Canvas:
             self._ground.draw(shadow, crop.camera, (crop.width, crop.height), (crop.left, crop.top), ring)
 
     def _upload(self, frame: Frame) -> None:
-        rgba = pixels_of(frame)
-        if self._image is None or self._image.size != frame.resolution:
-            if self._image:
-                self._image.release()
+        if self._image.size != frame.resolution:
+            self._image.release()
             self._image = self._context.texture(frame.resolution, 4)
             self._image.repeat_x = self._image.repeat_y = False
-        self._image.write(rgba.tobytes())
+        self._image.write(pixels_of(frame).tobytes())
 
     def _draw_image(self) -> None:
-        assert self._image is not None
         self._image.use(0)
         self._context.enable_only(moderngl.BLEND)
         self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
