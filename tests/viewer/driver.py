@@ -203,6 +203,11 @@ class Driver:
         self.wait(lambda: not self.session.fitting.running and not self.session.jobs.busy("fit"))
         self.wait()
 
+    def ask_about(self, photo: Path) -> None:
+        """Drop a photo and wait for the question about it."""
+        self.context.drop([str(photo)])
+        self.wait(lambda: bool(self.fitting.questions))
+
     def capture(self) -> np.ndarray:
         """What the whole window shows, (height, width, 3), as float."""
         path = self.folder / "window.png"

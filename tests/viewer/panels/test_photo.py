@@ -194,25 +194,21 @@ def test_the_panel_shows_the_fit_of_the_object_in_the_view(window: Driver, model
 
 @in_window(fixture="both", cut_out=doubted)
 def test_a_doubtful_cut_out_is_answered_by_one_click(window: Driver, photo: Path) -> None:
-    window.context.drop([str(photo)])
-    window.wait(lambda: bool(window.fitting.questions))
+    window.ask_about(photo)
     assert window.exists("Photo/photo")
     assert window.session.messages.newest is None
     window.click("Photo/###as chairs")
     window.wait(lambda: not window.fitting.running)
     assert window.editor.objects.own == ["block"]
     assert window.editor.model.category == "chairs"
-    window.context.drop([str(photo)])
-    window.wait(lambda: bool(window.fitting.questions))
+    window.ask_about(photo)
     window.click("Photo/###this one")
     window.wait(lambda: not window.fitting.running)
     assert window.editor.model.category == "cars"
-    window.context.drop([str(photo)])
-    window.wait(lambda: bool(window.fitting.questions))
+    window.ask_about(photo)
     window.click("Photo/###leave photo")
     assert not (window.fitting.questions or window.fitting.running)
-    window.context.drop([str(photo)])
-    window.wait(lambda: bool(window.fitting.questions))
+    window.ask_about(photo)
     window.click("Photo/###point at it")
     assert window.session.segmenting.active
     window.session.segmenting.close()
@@ -220,8 +216,7 @@ def test_a_doubtful_cut_out_is_answered_by_one_click(window: Driver, photo: Path
 
 @in_window(cut_out=crowded)
 def test_a_click_on_a_numbered_box_fits_that_object(window: Driver, photo: Path) -> None:
-    window.context.drop([str(photo)])
-    window.wait(lambda: bool(window.fitting.questions))
+    window.ask_about(photo)
     window.click("Photo/object 1")
     window.wait(lambda: not window.fitting.running)
     assert window.editor.objects.own == ["block"]

@@ -16,6 +16,12 @@ from viewer.services.backend import Backend
 from viewer.values.direction import Direction
 
 
+def show_sizes(window: Driver) -> None:
+    """Show the sliders, and wait until the object is measured."""
+    window.show("Sliders")
+    window.wait(lambda: window.session.reshaping.bounds is not None)
+
+
 @in_window()
 def test_sliders_with_words_move_one_direction_and_are_reset(window: Driver) -> None:
     window.show("Sliders")
@@ -47,8 +53,7 @@ def test_sliders_with_words_move_one_direction_and_are_reset(window: Driver) -> 
 @in_window()
 def test_a_size_is_typed_dragged_and_undone(window: Driver) -> None:
     reshaping = window.session.reshaping
-    window.show("Sliders")
-    window.wait(lambda: reshaping.bounds is not None)
+    show_sizes(window)
     natural_state = window.editor.state
     natural = reshaping.bounds.size
     assert natural == pytest.approx((60, 45, 90))
@@ -68,8 +73,7 @@ def test_a_size_is_typed_dragged_and_undone(window: Driver) -> None:
 
 @in_window()
 def test_a_click_on_a_size_is_for_typing(window: Driver) -> None:
-    window.show("Sliders")
-    window.wait(lambda: window.session.reshaping.bounds is not None)
+    show_sizes(window)
     window.click("Sliders/**/##Width")
     window.ctx.key_chars_replace("72")
     window.ctx.key_press(imgui.Key.enter)
@@ -79,8 +83,7 @@ def test_a_click_on_a_size_is_for_typing(window: Driver) -> None:
 
 @in_window()
 def test_the_sides_of_the_box_are_dragged(window: Driver) -> None:
-    window.show("Sliders")
-    window.wait(lambda: window.session.reshaping.bounds is not None)
+    show_sizes(window)
     natural_state = window.editor.state
     assert not window.exists("View/**/##size 2 1")
     window.click("Sliders/**/###size handles")
@@ -112,8 +115,7 @@ def legged(backend: Backend) -> Backend:
 def test_legs_are_typed_dragged_and_undone(window: Driver) -> None:
     reshaping = window.session.reshaping
     legs = portion_of(window.editor.model)
-    window.show("Sliders")
-    window.wait(lambda: reshaping.bounds is not None)
+    show_sizes(window)
     natural_state = window.editor.state
 
     def lengths() -> tuple[float, float]:
@@ -145,8 +147,7 @@ def test_legs_are_typed_dragged_and_undone(window: Driver) -> None:
 
 @in_window("legged")
 def test_the_seats_line_is_dragged_with_the_mouse(window: Driver) -> None:
-    window.show("Sliders")
-    window.wait(lambda: window.session.reshaping.bounds is not None)
+    show_sizes(window)
     window.set("Sliders/**/##Width", 65.0)  # with the first edit, the history covers a part of the view
     window.ctx.yield_(2)
     widened = window.editor.state
@@ -170,15 +171,13 @@ def test_the_seats_line_is_dragged_with_the_mouse(window: Driver) -> None:
 
 @in_window()
 def test_an_object_without_parts_has_no_field_for_legs(window: Driver) -> None:
-    window.show("Sliders")
-    window.wait(lambda: window.session.reshaping.bounds is not None)
+    show_sizes(window)
     assert window.exists("Sliders/**/##Height") and not window.exists("Sliders/**/##Legs")
 
 
 @in_window("legged", bounds=lambda instance: Bounds((-0.2, -0.15, -0.3), (0.2, 0.15, 0.3), 150.0))
 def test_an_object_whose_legs_have_no_end_has_no_field_for_them(window: Driver) -> None:
-    window.show("Sliders")
-    window.wait(lambda: window.session.reshaping.bounds is not None)
+    show_sizes(window)
     window.click("Sliders/**/###size handles")
     window.ctx.yield_(2)
     assert window.exists("View/**/##size 2 1") and not window.exists("View/**/##size legs")

@@ -19,8 +19,7 @@ def throne(path: Path, hints: Hints | None) -> CutOut:
 @pytest.mark.parametrize("category", ["chairs", "cars"])
 @in_window("both", cut_out=throne)
 def test_a_doubtful_category_is_chosen_by_a_click_on_its_image(window: Driver, photo: Path, category: str) -> None:
-    window.context.drop([str(photo)])
-    window.wait(lambda: bool(window.fitting.questions))
+    window.ask_about(photo)
     assert window.fitting.questions[0].words in ("Is it a chair or a car?", "Is it a car or a chair?")
     assert not window.exists("Photo/###this one"), "nothing is taken for granted"
     window.click(f"Photo/as {category}")
@@ -42,16 +41,14 @@ def test_a_pointed_out_object_is_asked_for_its_category(window: Driver, photo: P
 
 @in_window(fixture="both", guess_category=lambda cut: UNDETECTED)
 def test_none_of_these_is_the_first_answer_where_nothing_looks_like_a_category(window: Driver, photo: Path) -> None:
-    window.context.drop([str(photo)])
-    window.wait(lambda: bool(window.fitting.questions))
+    window.ask_about(photo)
     assert window.fitting.questions[0].words.startswith("Nothing here looks like a c")
     names = "###leave photo", "###point at it", "as chairs", "as cars"
     corners = [window.ctx.item_info(f"//Photo/{name}").rect_full.min for name in names]
     assert all((corners[0].y, corners[0].x) < (corner.y, corner.x) for corner in corners[1:])
     window.click("Photo/###leave photo")
     assert not window.fitting.pending and not window.fitting.running
-    window.context.drop([str(photo)])
-    window.wait(lambda: bool(window.fitting.questions))
+    window.ask_about(photo)
     window.click("Photo/as cars")  # a toy that the detector misses
     window.wait(lambda: not window.fitting.running)
     assert window.editor.model.category == "cars"

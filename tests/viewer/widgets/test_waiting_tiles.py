@@ -71,8 +71,7 @@ def test_a_failed_fit_keeps_photo_and_cut_out_to_try_again(
 ) -> None:
     working = window.session.jobs.backend
     window.session.jobs.backend = replace(working, **fault)  # type: ignore[arg-type]
-    window.context.drop([str(photo)])
-    window.wait(lambda: bool(window.fitting.questions))
+    window.ask_about(photo)
     photo.unlink()  # a photo in the clipboard, or on a stick that is pulled out
     window.click("Photo/###as chairs")
     window.wait(lambda: not window.fitting.running)
@@ -200,8 +199,7 @@ def test_a_photo_that_waits_is_fitted_as_dropped_though_its_file_changes_and_the
 @in_window("both")
 def test_a_chosen_object_takes_the_place_of_a_question_until_its_tile_is_clicked(window: Driver, photo: Path) -> None:
     window.session.jobs.backend = replace(window.session.jobs.backend, fit=broken_fit)
-    window.context.drop([str(photo)])
-    window.wait(lambda: bool(window.fitting.questions))
+    window.ask_about(photo)
     name = window.editor.state.mix.a.shape
     for cut_out in (read_cut_out, doubted):
         window.session.jobs.backend = replace(window.session.jobs.backend, cut_out=cut_out)
