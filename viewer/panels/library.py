@@ -255,8 +255,7 @@ def _draw_button(
         imgui.text(face.words)
         imgui.end_drag_drop_source()
     if imgui.begin_popup_context_item():
-        _draw_menu(context, tile)
-        _draw_user_menu(context, tile, menu)
+        _draw_menu(context, tile, menu)
         imgui.end_popup()
     object_tiles.paint(context, face.instance, corner, side)
     for number, (label, colour) in enumerate(_marks(context, face.names)):
@@ -275,28 +274,24 @@ def _name(context: PanelContext, tile: str | Version) -> str:
     return editor.objects.version(tile.root, tile.instance) if isinstance(tile, Version) else editor.last_version(tile)
 
 
-def _draw_user_menu(context: PanelContext, tile: str | Version, menu: user_objects.UserObjectMenu) -> None:
-    """Draw the further menu entries of an added object or a version."""
-    objects = context.session.editor.objects
-    if isinstance(tile, str):
-        if objects.is_added(tile):
-            name = _name(context, tile)
-            menu.draw(context, name, objects[name].instance, tile, objects.versions(tile))
-        return
-    versions = objects.named(tile.root, tile.instance)
-    name = versions[0] if versions else tile.root
-    renamed = "" if tile.number == 0 or name == tile.root else name
-    menu.draw(context, name, tile.instance, renamed, versions if tile.number else ())
-
-
-def _draw_menu(context: PanelContext, tile: str | Version) -> None:
+def _draw_menu(context: PanelContext, tile: str | Version, menu: user_objects.UserObjectMenu) -> None:
+    """Draw the menu of an object or a version; added objects and versions have further entries."""
     editor = context.session.editor
+    objects = editor.objects
     root = tile.root if isinstance(tile, Version) else tile
     mixable = editor.is_mixable(root)
     if imgui.menu_item_simple("Make it B", enabled=mixable):
         editor.set_b(_name(context, tile))
         context.focus = "Mix"
     tooltip("" if mixable else unmixable(context, root))
+    if isinstance(tile, Version):
+        versions = objects.named(tile.root, tile.instance)
+        name = versions[0] if versions else tile.root
+        renamed = "" if tile.number == 0 or name == tile.root else name
+        menu.draw(context, name, tile.instance, renamed, versions if tile.number else ())
+    elif objects.is_added(tile):
+        name = _name(context, tile)
+        menu.draw(context, name, objects[name].instance, tile, objects.versions(tile))
 
 
 def _headings(models: Iterable[Model]) -> dict[str, str]:

@@ -66,15 +66,10 @@ def _draw_recent(context: PanelContext) -> None:
                 context.drop([name])
             tooltip(name)
         imgui.separator()
-        _draw_earlier(context)
+        for number, session in enumerate(context.session.store.earlier):  # which New or another project replaced
+            if imgui.menu_item_simple(f"{as_label(printable(session.name))}###earlier {number + 1}"):
+                context.session.open_earlier(session)
         imgui.end_menu()
-
-
-def _draw_earlier(context: PanelContext) -> None:
-    """Draw the entries of sessions that New or another project has replaced."""
-    for number, session in enumerate(context.session.store.earlier):
-        if imgui.menu_item_simple(f"{as_label(printable(session.name))}###earlier {number + 1}"):
-            context.session.open_earlier(session)
 
 
 MENUS: dict[str, tuple[str | Callable[[PanelContext], None] | None, ...]] = {
