@@ -128,8 +128,7 @@ class App:
     def _place_panels(self) -> None:
         """Dock the panels at their initial places for the window's size."""
         docking = self.params.docking_params
-        self._text = self.context.preferences.text
-        size = imgui.get_main_viewport().size / hello_imgui.dpi_window_size_factor() / self._text
+        size = imgui.get_main_viewport().size / hello_imgui.dpi_window_size_factor()
         docking.docking_splits = self._splits(*size)
         self._width = size.x
         docking.layout_reset = True
@@ -142,14 +141,23 @@ class App:
         return next((title for title, docked in windows.items() if docked and docked.active and not docked.hidden), "")
 
     def _follow_width(self) -> None:
-        """Place the panels again for another text size, a large change of width, or to make the library a strip."""
-        text = self.context.preferences.text
-        width = imgui.get_main_viewport().size.x / hello_imgui.dpi_window_size_factor() / text
+        """Place the panels again after a large change of width, and where the library becomes a strip."""
+        width = imgui.get_main_viewport().size.x / hello_imgui.dpi_window_size_factor()
         if not width:  # there is no window yet
             return
-        becomes_other = (width < _NARROW) != (self._width < _NARROW) or text != self._text
-        if becomes_other or abs(math.log(width / self._width)) > _OTHER_WIDTH:
+        if (width < _NARROW) != (self._width < _NARROW) or abs(math.log(width / self._width)) > _OTHER_WIDTH:
             self._place_panels()
+
+    def _follow_text(self) -> None:
+        """Widen the docked panels with the text."""
+        ratio = self.context.preferences.text / self._text
+        self._text *= ratio
+        half = imgui.get_main_viewport().size.x / 2
+        for side in ("Left", "Right") if ratio != 1 else ():
+            number = self.params.docking_params.dock_space_id_from_name(side) or 0
+            if node := imgui.internal.dock_builder_get_node(number):
+                size = imgui.ImVec2(min(half, node.size.x * ratio), node.size.y * ratio)
+                imgui.internal.dock_builder_set_node_size(number, size)
 
     def _fold_panels(self) -> None:
         """Hide all panels but the view; if they are hidden, show those from before or the initial ones."""
@@ -182,17 +190,16 @@ class App:
         window_params.show_menu_app = window_params.show_menu_view = False
         window_params.show_menu_view_themes = False
         docking = self.params.docking_params
-        self._text = self.context.preferences.text
-        self._width = self._size[0] / self._text
-        docking.docking_splits = self._splits(self._width, self._size[1] / self._text)
+        self._text = self.context.preferences.text  # size by which the panels are as wide as they are
+        self._width = float(self._size[0])
+        docking.docking_splits = self._splits(*self._size)
         docking.dockable_windows = [self._dockable(panel) for panel in self.panels]
 
-    @staticmethod
-    def _splits(width: float, height: float) -> list[hello_imgui.DockingSplit]:
+    def _splits(self, width: float, height: float) -> list[hello_imgui.DockingSplit]:
         """Return the layout at a size in px at 96 ppi: the library left or, if narrow, below; the inspector right."""
         dirs = imgui.Dir
-        right, left = (max(min_width, fraction * width) for min_width, fraction in (_INSPECTOR, _LIBRARY))
-        library = (dirs.down, _STRIP / height) if width < _NARROW else (dirs.left, left / (width - right))
+        right, left = (max(self._text * min_width, fraction * width) for min_width, fraction in (_INSPECTOR, _LIBRARY))
+        library = (dirs.down, self._text * _STRIP / height) if width < _NARROW else (dirs.left, left / (width - right))
         return [
             hello_imgui.DockingSplit("MainDockSpace", "Right", dirs.right, min(right / width, 0.5)),  # half at most
             hello_imgui.DockingSplit("MainDockSpace", "Left", *library),
@@ -318,6 +325,7 @@ class App:
             self.params.imgui_window_params.background_color = imgui.ImVec4(*self.context.palette.back, 1.0)
         imgui.get_style().font_scale_main = preferences.text
         self._follow_width()
+        self._follow_text()
         front = self._front_panel()
         if front or not any(self._dockable_of(panel).is_visible for panel in self.panels if panel.dock == "Right"):
             self.context.set_preference(front=front)

@@ -309,7 +309,7 @@ def _hints(
     A box is clipped to the image.
     """
     if box is None and point is None:
-        return Hints(object=number) if number else None
+        return Hints(object=number - 1) if number else None
     width, height = upright_size(image)
     try:
         if point is not None:

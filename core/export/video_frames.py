@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby, pairwise
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import UInt8
@@ -65,26 +66,30 @@ def _distinct_frames(
     views: Sequence[View], background: Background | None, exact: bool, shadow: bool
 ) -> Iterator[Image | None]:
     samples = RenderSettings.samples if exact else _few_samples(views)
-    for section, are_few, _ in _sections(views):
-        if exact or are_few:
-            yield from exact_frames(section, background, shadow, samples)
+    for section in _sections(views):
+        if exact or section.is_rendered:
+            yield from exact_frames(section.views, background, shadow, samples)
         else:
-            yield from baked_frames(section, background, shadow)
+            yield from baked_frames(section.views, background, shadow)
 
 
-def _sections(views: Sequence[View]) -> Iterator[tuple[list[View], bool, float]]:
-    """Yield the views of each model, if the network renders them faster than their objects are baked, and the work.
+class _Section(NamedTuple):
+    """Consecutive views of one model."""
 
-    The work is in pixels that the network renders with :data:`FEW_SAMPLES`.
-    """
+    views: list[View]
+    is_rendered: bool  # the network renders them faster than their objects are baked
+    work: float  # pixels that the network renders with :data:`FEW_SAMPLES` in the same time
+
+
+def _sections(views: Sequence[View]) -> Iterator[_Section]:
     for _, group in groupby(views, lambda view: view.instance.fingerprint):
         section = list(group)
         pixels = sum(view.camera.width * view.camera.height for view in section)
         objects = 1 + sum(first.instance != second.instance for first, second in pairwise(section))
         if pixels <= FEW_PIXELS * objects:
-            yield section, True, pixels * _few_samples(views) / FEW_SAMPLES
+            yield _Section(section, True, pixels * _few_samples(views) / FEW_SAMPLES)
         else:
-            yield section, False, FEW_PIXELS * objects + _DRAWN * pixels
+            yield _Section(section, False, FEW_PIXELS * objects + _DRAWN * pixels)
 
 
 def _few_samples(views: Sequence[View]) -> int:
@@ -94,7 +99,7 @@ def _few_samples(views: Sequence[View]) -> int:
 
 def rendered_pixels(views: Sequence[View]) -> float:
     """Estimate the work of :func:`render_frames` as pixels that the network renders, with :data:`FEW_SAMPLES`."""
-    return sum(work for _, _, work in _sections(list(dict.fromkeys(views))))
+    return sum(section.work for section in _sections(list(dict.fromkeys(views))))
 
 
 def exact_frames(

@@ -118,7 +118,9 @@ def read_transforms(path: Path, scale: float = 1.0) -> tuple[PosedImage, ...]:
     with reading(path, "a file of poses (transforms.json)"):
         content = typed(dict, read_json(path), name="transforms")
         common = {name: content[name] for name in field_types(_Intrinsics) if content.get(name) is not None}
-        entries = typed(tuple[dict, ...], content.get("frames"), name="transforms.frames")
+        if "frames" not in content:
+            raise ValueError("transforms.frames is missing")
+        entries = typed(tuple[dict, ...], content["frames"], name="transforms.frames")
         frames = typed(tuple[_Frame, ...], [_inherited(entry, common) for entry in entries], name="transforms.frames")
         if not frames:
             raise ValueError("it has no frames")

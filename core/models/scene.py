@@ -103,22 +103,20 @@ class _Head(NamedTuple):
     camera: Camera
 
 
-def _reader(kind: Any) -> Callable[[Any], Any] | None:
-    """Return the reader of a type of :class:`core.models.codes.Codes` that JSON lacks."""
+def _reader(kind: Any, name: str) -> Callable[[Any], Any] | None:
+    """Return the reader of a type of :class:`core.models.codes.Codes` that JSON lacks, for a field of this name."""
     if kind is bytes:
-        return lambda text: base64.b64decode(typed(str, text, name="image"), validate=True)
+        return lambda text: base64.b64decode(typed(str, text, name=name), validate=True)
     if kind == tuple[Edit, ...]:
         return read_edits
-    return partial(_tensor, kind) if isinstance(kind, type) and issubclass(kind, AbstractArray) else None
+    return partial(_tensor, kind, name) if isinstance(kind, type) and issubclass(kind, AbstractArray) else None
 
 
-def _tensor(kind: Any, value: Any) -> Tensor:
-    """Read the numbers of a code or the texts of offsets."""
-    is_text = isinstance(value, list) and value and isinstance(value[0], str)
-    tensor = read_offsets(typed(tuple[str, ...], value)) if is_text else torch.tensor(typed(tuple[float, ...], value))
-    if isinstance(tensor, kind):
-        return tensor
-    raise ValueError("codes are lists of numbers, and offsets are lists of texts")
+def _tensor(kind: Any, name: str, value: Any) -> Tensor:
+    """Read a code from numbers, or offsets from texts."""
+    if kind.dtypes == ("float16",):
+        return read_offsets(typed(tuple[str, ...], value, name=name))
+    return torch.tensor(typed(tuple[float, ...], value, name=name))
 
 
 def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, scene: Scene) -> None:

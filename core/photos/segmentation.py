@@ -87,7 +87,7 @@ class Hints:
     strokes: tuple[Stroke, ...] = ()
     points: tuple[tuple[float, float], ...] = ()  # fractions of width and height, each on the object or a part of it
     choice: int = 0  # index among the masks found, the likeliest first
-    object: int = 0  # number of a detected object, from 1, the most prominent first; 0: none is chosen
+    object: int = 0  # index among the detected objects, the most prominent first
 
     def __post_init__(self) -> None:
         inside = all(0 <= fraction <= 1 for point in self.points for fraction in point)
@@ -117,8 +117,8 @@ def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
     rgb = on_white(image)
     detected = detect(rgb)
     detections = detected or ()
-    if hints.object > len(detections):
-        raise ValueError(f"there is no object {hints.object}: only {len(detections)} chairs and cars were found")
+    if hints.object >= max(1, len(detections)):
+        raise ValueError(f"there is no object {hints.object + 1}: only {len(detections)} chairs and cars were found")
     cut = _cut_out(rgb, np.asarray(image.getchannel("A"), np.float32) / 255, hints, detections)
     if cut.white and cut.confidence < 1:  # The detector saw the marks that were removed, too.
         detected = detect(Image.fromarray(to_bytes(cut.pixels)))
@@ -287,7 +287,7 @@ def _hinted_boxes(rgb: Image.Image, hints: Hints, detections: tuple[Detection, .
         return [hints.box]
     if hints.points:
         return [_box_at(rgb, point, detections) for point in hints.points]
-    return [detections[hints.object - 1].box] if hints.object else []
+    return [detections[hints.object].box] if hints.object else []
 
 
 def _box_at(rgb: Image.Image, point: tuple[float, float], detections: tuple[Detection, ...]) -> Box:

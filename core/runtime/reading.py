@@ -159,14 +159,18 @@ def read_numbers(path: Path, count: int) -> tuple[float, ...]:
 
 
 def typed(
-    kind: Any, value: Any, special: Callable[[Any], Callable[[Any], Any] | None] = lambda _: None, name: str = "it"
+    kind: Any,
+    value: Any,
+    special: Callable[[Any, str], Callable[[Any], Any] | None] = lambda *_: None,
+    name: str = "it",
 ) -> Any:
     """Convert JSON to a value of a type: numbers, texts, paths, choices, tuples, dictionaries and dataclasses.
 
     Named tuples count as dataclasses. Missing fields get their defaults; unknown ones are ignored.
 
     Args:
-        special: maps a type to its own reader, which takes precedence; to None for types without one.
+        special: maps a type and the value's name to its own reader, which takes precedence; to None for types
+            without one.
         name: name of the value in errors.
 
     Raises ``ValueError`` naming the field or item of the wrong type.
@@ -175,7 +179,7 @@ def typed(
         >>> typed(tuple[int, ...], [1, 2.0])
         (1, 2)
     """
-    if (read := special(kind)) is not None:
+    if (read := special(kind, name)) is not None:
         return read(value)
     origin = get_origin(kind)
     arguments = get_args(kind)

@@ -409,8 +409,11 @@ def test_the_library_has_a_tab_only_beside_another_panel(window: Driver) -> None
 
 @in_window()
 def test_panels_are_wider_for_larger_text(window: Driver) -> None:
-    window.context.set_preference(text=1.1)
-    for title, least in (("Library", 140), ("Mix", 300)):
-        window.wait(lambda title=title, least=least: imgui.internal.find_window_by_name(title).size.x > 1.05 * least)
-    window.context.set_preference(text=1.21)  # as wide as a narrow window: the library is a strip
-    window.wait(lambda: imgui.internal.find_window_by_name("Library").size.x > 500)
+    def width(title: str) -> float:
+        return imgui.internal.find_window_by_name(title).size.x
+
+    before = {title: width(title) for title in ("Library", "Mix")}
+    for text in (1.1, 1.21, 1.0):
+        window.context.set_preference(text=text)
+        for title, natural in before.items():
+            window.wait(lambda title=title, natural=natural, text=text: abs(width(title) / natural - text) < 0.03)

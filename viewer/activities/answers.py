@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from core.photos.detector import Box
 from core.photos.segmentation import Hints
 from viewer.activities.fitting import Fitting
 from viewer.store.photo_copies import PhotoCopies
@@ -57,7 +58,7 @@ class Answers:
         if sources := tuple(source for source in history.sources if source is not question.source):
             self._fitting.begin(FitRequest(replace(history, sources=sources), answered=question.number))
 
-    def choose(self, sources: tuple[PhotoSource, ...], index: int, number: int, model: str = "") -> None:
-        """Fit another detected object of a photo, by its index; the most prominent one is 0."""
-        source = sources[index]._replace(hints=Hints(object=number + 1))
+    def choose(self, sources: tuple[PhotoSource, ...], index: int, box: Box, model: str = "") -> None:
+        """Fit the object in a box of a photo."""
+        source = sources[index]._replace(hints=Hints(box=box))
         self._fitting.fit(*sources[:index], source, *sources[index + 1 :], model=model)

@@ -115,10 +115,13 @@ def find(context: PanelContext, search: str) -> list[Entry]:
     text = search.strip().lower()
     sought = [_SAME.get(word, word) for word in text.split() if word not in _IDLE]
     ranked = list[tuple[int, Entry]]()
-    for entry in entries(context) if sought else ():
+    for entry in entries(context) if text else ():
         words = entry.words.lower()
-        if all(word in f"{words} {entry.description.lower()}" for word in sought):
-            rank = 0 if words == text else 1 if words.startswith(text) else 2 if text in words else 3
+        whole = f"{words} {entry.description.lower()}"
+        if text in whole or (sought and all(word in whole for word in sought)):
+            rank = (
+                0 if words == text else 1 if words.startswith(text) else 2 if text in words else 3 + (text not in whole)
+            )
             ranked.append((rank, entry))
     return [entry for _, entry in sorted(ranked, key=lambda result: result[0])]
 

@@ -49,7 +49,7 @@ class FileRequest:
     suffixes: tuple[str, ...]  # endings of the files to choose from
     save: bool = False
     name: str = ""  # proposed file name
-    several: bool = False  # several files can be chosen
+    several: bool = False  # several files can be chosen where their paths are typed
 
     def path(self, typed: str) -> Path:
         """Return typed text as a path; a file to save gets the proposed ending if it has none."""

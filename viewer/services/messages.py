@@ -22,7 +22,8 @@ _LOGGED = 500  # messages kept in the log
 _NO_MEMORY = "can't allocate memory"  # part of torch's RuntimeError when memory is exhausted
 _FOLDERS = re.compile(r"(?<![^\s'\"(])(?:[A-Za-z]:|~)?(?:[/\\](?=\S)[^/\\:*?\"<>|\n]+)*[/\\](?=[^\s/\\])")
 """The folders of an absolute path in a text."""
-_REASON = re.compile(r"(?<= that can be read) \(.*\)$")  # a library's words
+_REASON = re.compile(r"(?<=: not an image that can be read) \(.*\)$|(?<= that can be read) \(file is not a database\)$")
+"""A decoder's or a database's words."""
 UNFORESEEN = "an error in the program; it is listed in Developer (menu Panels)"
 
 

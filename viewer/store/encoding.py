@@ -147,7 +147,7 @@ class Decoder:
             value.pixels()  # raises if damaged
         return value
 
-    def _reader(self, kind: Any, excluded: Any = None) -> Callable[[Any], Any] | None:
+    def _reader(self, kind: Any, _: str = "", excluded: Any = None) -> Callable[[Any], Any] | None:
         """Return the decoder of a type that JSON lacks."""
         if kind is excluded:
             return None

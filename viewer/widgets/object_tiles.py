@@ -13,6 +13,7 @@ from viewer.services.messages import Button, MessageKind
 from viewer.values.printable import as_label
 
 THUMBNAIL = 4.5  # em, side of most thumbnails: 72 px at the default text size
+MARK = 1.2  # em, side of a mark
 DIMMED = 0.55  # opacity of the shade over stale tiles
 DRAGGED = "object"  # type of imgui's payload for an object dragged onto B
 
@@ -61,8 +62,8 @@ def mark(corner: ImVec2, label: str, colour: Colour) -> None:
     """Draw a letter or an icon on a small coloured square."""
     draw = imgui.get_window_draw_list()
     em = hello_imgui.em_size()
-    draw.add_rect_filled(corner, corner + ImVec2(1.2, 1.2) * em, packed(colour), rounding())
-    low = corner + ImVec2(0.6, 0.6) * em - imgui.calc_text_size(label) * 0.5
+    draw.add_rect_filled(corner, corner + ImVec2(MARK, MARK) * em, packed(colour), rounding())
+    low = corner + ImVec2(MARK, MARK) * (em / 2) - imgui.calc_text_size(label) * 0.5
     draw.add_text(low, packed(on(colour)), label)
 
 

@@ -64,6 +64,5 @@ def measure(view: HeldOutView, case: str) -> tuple[ExportTrial]:
     suffix, write = _EXPORTS[case]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"object{suffix}"
-        stream = write(view.instance, view.usual_camera, path)
-        seconds, _ = timed(partial(list, stream))
+        seconds, _ = timed(lambda: list(write(view.instance, view.usual_camera, path)))
         return (ExportTrial(*view.key(case), 1, seconds, path.stat().st_size / 1e6),)

@@ -8,7 +8,7 @@ import math
 import time
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -117,7 +117,6 @@ def measure(view: HeldOutView, name: str) -> tuple[FitTrial]:
     seconds = clock() - began
     truth = view.cameras(case.photos)
     errors = [view.camera_error(*pair) for pair in zip(last.cameras if last else truth, truth, strict=True)]
-    stated: dict[str, Any] = {field: getattr(last, field, None) for field in ("confidence", "margin", "uncertainty")}
     trial = FitTrial(
         *view.key(name),
         case.photos,
@@ -130,7 +129,9 @@ def measure(view: HeldOutView, name: str) -> tuple[FitTrial]:
         photo=last.psnr if last else math.nan,
         novel=view.score(last.instance if last else model.mean),
         restarted=restarted,
-        **stated,
+        confidence=last.confidence if last else None,
+        margin=last.margin if last else None,
+        uncertainty=last.uncertainty if last else None,
     )
     return (trial,)
 

@@ -167,8 +167,10 @@ def read_dataset(
     camera = objects[0].cameras[0]
     if shares and (len(shares) != len(folders) or min(shares) <= 0):
         raise ValueError(f"{len(folders)} datasets need as many positive shares, got {list(shares)}")
-    counts = (len(_index_folder(Path(folder))[1]) for folder in folders)
-    weights = tuple(share / count for share, count in zip(shares, counts, strict=False) for _ in range(count))
+    weights = tuple[float, ...]()
+    if shares:
+        counts = [len(_index_folder(Path(folder))[1]) for folder in folders]
+        weights = tuple(share / count for share, count in zip(shares, counts, strict=True) for _ in range(count))
     return Dataset(objects, category, camera.height, camera.focal, weights)
 
 

@@ -138,7 +138,7 @@ def test_a_number_selects_the_detection_and_a_second_object_is_mentioned(file, c
     monkeypatch.setattr(fitting, "cut_out", find)
     fit_ends()
     run(f"fit a.png --model {file} --object 2")
-    assert passed_hints == [Hints(object=2)]
+    assert passed_hints == [Hints(object=1)]
     assert capsys.readouterr().err == ""
     run(f"fit a.png --model {file}")
     assert "a.png: 2 objects are found: --object 2 fits the next one" in capsys.readouterr().err

@@ -68,9 +68,9 @@ def test_one_of_several_prominent_objects_is_chosen_by_its_number(session: Sessi
         return crowded(path, photo_hints)
 
     session.jobs.backend = replace(session.jobs.backend, cut_out=noted)
-    session.answers.choose(question.request.history.sources, 0, 1)
+    session.answers.choose(question.request.history.sources, 0, question.preview.boxes[1])
     finish(session, lambda: not fitting.pending)
-    assert hints == [Hints(object=2)]
+    assert hints == [Hints(box=(0.5, 0.2, 1.0, 0.8))]
     assert session.editor.objects.own == ["block"]
 
 

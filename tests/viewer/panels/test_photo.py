@@ -223,7 +223,7 @@ def test_a_click_on_a_numbered_box_fits_that_object(window: Driver, photo: Path)
     window.click("Photo/object 2")  # the other one, later
     window.wait(lambda: not window.fitting.running)
     assert window.editor.objects.own == ["block (2)", "block"]
-    assert window.fitting.shown.sources[0].hints == Hints(object=2)
+    assert window.fitting.shown.sources[0].hints.box == window.fitting.shown.photo.preview.boxes[1]
 
 
 @in_window(paint=quick_paint, paint_colour=quick_colour)
