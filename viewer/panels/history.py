@@ -61,6 +61,8 @@ class HistoryStrip:
         width = min(high.x - low.x - 2 * _EDGE * em - context.card_width, needed)
         height = side + 3 * gap
         context.covered = height + _EDGE * em
+        if context.share_open:  # a click beside the dialog would go back in time
+            return
         imgui.set_next_window_pos(ImVec2(low.x + _EDGE * em, high.y - _EDGE * em - height))
         imgui.set_next_window_size((width, height))
         imgui.set_next_window_bg_alpha(0.85)

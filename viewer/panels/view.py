@@ -11,6 +11,7 @@ from viewer.actions import chords, is_pressed, is_typed
 from viewer.context import Hints, Panel, PanelContext
 from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, WARM, packed
 from viewer.values import orbit
+from viewer.values.state import Pair
 from viewer.values.view_modes import in_mode
 from viewer.widgets.comparison import Comparison
 from viewer.widgets.controls import action_button, end_gesture, tooltip
@@ -51,6 +52,7 @@ class ViewPanel(Panel):
             "pick": pick_in_view,
         }  # draw over the view, imgui's last item, from its corner and size on screen, and tell if they take the mouse
         self._handle = PartHandle()
+        self._shown: Pair | None = None  # object A in the last frame
         self._pans = False  # the middle or right button was pressed in the view, and is held
         self._covered = 0  # px of the view's lower edge that the welcome card or the history covers
 
@@ -84,8 +86,10 @@ class ViewPanel(Panel):
         draw.channels_set_current(0)
         imgui.set_cursor_screen_pos(corner)
         is_released = imgui.invisible_button("orbit", size)
-        if imgui.is_key_pressed(imgui.Key.escape):
-            context.tool = "turn"
+        shown = context.session.editor.state.mix.a
+        if imgui.is_key_pressed(imgui.Key.escape) or (shown != self._shown and context.tool in self._tools):
+            context.tool = "turn"  # else a drag over the next object would erase from its photo, say
+        self._shown = shown
         tool = self._tools.get(context.tool)
         if tool is None or not tool(context, corner, size):
             self._react(context, size)

@@ -52,9 +52,11 @@ def _draw_boxes(
     highs = [corner + ImVec2(right * size.x, bottom * size.y) for *_, right, bottom in boxes]
     mark_size = ImVec2(MARK, MARK) * hello_imgui.em_size()
     marks = _apart(lows, mark_size)
-    buttons = [("number", number, marks[number], mark_size) for number in range(len(boxes))]
-    for number in sorted(range(len(boxes)), key=lambda number: _area(boxes[number])):
-        buttons.append(("object", number, lows[number], highs[number] - lows[number]))
+    by_area = sorted(range(len(boxes)), key=lambda number: _area(boxes[number]))
+    buttons = [
+        *(("number", number, marks[number], mark_size) for number in range(len(boxes))),
+        *(("object", number, lows[number], highs[number] - lows[number]) for number in by_area),
+    ]
     pointed = -1
     for kind, number, low, extent in buttons:
         imgui.set_cursor_screen_pos(low)

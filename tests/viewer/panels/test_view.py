@@ -322,3 +322,20 @@ def test_the_view_is_turned_around_a_growing_fit_and_follow_returns(window: Driv
     window.fitting.stop()
     window.wait()
     assert window.editor.state.mix.a.shape == "block"
+
+
+@in_window()
+def test_a_tool_ends_when_another_object_is_shown(window: Driver) -> None:
+    window.context.tool = "erase"
+    window.click("Library/**/show object 3")
+    window.ctx.yield_(2)
+    assert window.context.tool == "turn"
+
+
+@in_window()
+def test_the_history_is_out_of_the_way_of_share(window: Driver) -> None:
+    window.press(imgui.Key.r)
+    window.press(imgui.Key.r)
+    assert window.exists("History/state 1")
+    window.press(imgui.Key.mod_ctrl, imgui.Key.e)
+    assert not imgui.internal.find_window_by_name("History").active
