@@ -276,7 +276,7 @@ class Editor:
             self.go_to(number)
 
     def _mix_from(self, name: str) -> Mix:
-        """Return the mix of an object with its model's last B in undo, else the model's second object, none of B."""
+        """Return the mix of an object without anything of B: the last B of its model, else its second object."""
         model = self.objects[name].instance.model
         states = (self.state, *reversed(self.history.past))
         here = (state for state in states if state.scene.instance.fingerprint == model.fingerprint)
@@ -298,7 +298,7 @@ class Editor:
         camera: Camera | None = None,
         is_a: bool | None = None,
     ) -> None:
-        """Replace the object; None for what stays. ``is_a`` is that of :class:`State`."""
+        """Replace the object, and what is given with it; ``is_a`` is that of :class:`State`."""
         scene = Scene(instance, camera or self.scene.camera)
         is_a = self.state.is_a if is_a is None else is_a
         self._go(self.history.changed(replace(self.state, scene=scene, mix=mix or self.state.mix, is_a=is_a), gesture))

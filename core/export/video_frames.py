@@ -43,16 +43,16 @@ def render_frames(
     """
     frames = _distinct_frames(list(dict.fromkeys(views)), background, exact, shadow)
     repeats = Counter(views)
-    kept = dict[View, tuple[tuple[int, ...], bytes]]()  # shapes and pixels, compressed, of views that come again
+    compressed = dict[View, tuple[tuple[int, ...], bytes]]()  # shapes and pixels, compressed, of views that come again
     for view in views:
-        if view in kept:
-            shape, pixels = kept.pop(view)
+        if view in compressed:
+            shape, pixels = compressed.pop(view)
             image = np.frombuffer(zlib.decompress(pixels), np.uint8).reshape(shape)
         else:
             image = yield from _next_image(frames)
         repeats[view] -= 1
         if repeats[view]:
-            kept[view] = image.shape, zlib.compress(image.tobytes(), 1)
+            compressed[view] = image.shape, zlib.compress(image.tobytes(), 1)
         yield image
 
 

@@ -86,8 +86,8 @@ def imagined_error(
     origin: Latents | None,
 ) -> Float[Tensor, "hypotheses"]:
     """Return the objective of imagined views; arguments as in :func:`core.fitting.objective.evaluate_objective`."""
-    seen = views.seeing(parameters)
-    return evaluate_objective(model, seen, views.pixels, samples, _OBJECTIVE, cells, origin).objective
+    imagined = views.seeing(parameters)
+    return evaluate_objective(model, imagined, views.pixels, samples, _OBJECTIVE, cells, origin).objective
 
 
 def _colour_term(pixels: PixelBatch, objective: Objective) -> Term:

@@ -33,7 +33,7 @@ def is_of_clip(request: FitRequest, confirmed: Confirmed) -> bool:
 def read_frames(
     backend: Backend, request: FitRequest, keep_image: KeepImage
 ) -> Generator[float | ClipRequest, None, ClipRequest]:
-    """Yield the read fraction of a request's video, 0..1, then, and as the result, a request of some of its frames."""
+    """Yield the read fraction of a request's video, 0..1, and at last a request of its frames, also the result."""
     source = request.history.sources[0]._replace(copy=None)
     cuts = yield from backend.clip(source.path)
     count = min(MAX_PHOTOS, len(cuts.frames))

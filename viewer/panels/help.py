@@ -117,12 +117,10 @@ def find(context: PanelContext, search: str) -> list[Entry]:
     ranked = list[tuple[int, Entry]]()
     for entry in entries(context) if text else ():
         words = entry.words.lower()
-        whole = f"{words} {entry.description.lower()}"
-        if text in whole or (sought and all(word in whole for word in sought)):
-            rank = (
-                0 if words == text else 1 if words.startswith(text) else 2 if text in words else 3 + (text not in whole)
-            )
-            ranked.append((rank, entry))
+        searched = f"{words} {entry.description.lower()}"
+        if text in searched or (sought and all(word in searched for word in sought)):
+            ranks = words == text, words.startswith(text), text in words, text in searched, True
+            ranked.append((ranks.index(True), entry))
     return [entry for _, entry in sorted(ranked, key=lambda result: result[0])]
 
 

@@ -114,10 +114,10 @@ class HistoryStrip:
             tooltip(_tooltip(tile, is_current))
             frame = _thumbnail(context, state, is_current and bool(history.gesture))
             object_tiles.paint_frame(context, frame, low, side)
-        seen = current, imgui.get_window_width()
-        if is_current and self._scrolled_to != seen:
+        position = current, imgui.get_window_width()
+        if is_current and self._scrolled_to != position:
             imgui.set_scroll_here_x()
-            self._scrolled_to = seen
+            self._scrolled_to = position
         _draw_marks(context, tile, is_current, low, side)
         return corner + ImVec2(side, 0)
 

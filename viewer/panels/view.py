@@ -86,10 +86,10 @@ class ViewPanel(Panel):
         draw.channels_set_current(0)
         imgui.set_cursor_screen_pos(corner)
         is_released = imgui.invisible_button("orbit", size)
-        shown = context.session.editor.state.mix.a
-        if imgui.is_key_pressed(imgui.Key.escape) or (shown != self._shown and context.tool in self._tools):
+        object_a = context.session.editor.state.mix.a
+        if imgui.is_key_pressed(imgui.Key.escape) or (object_a != self._shown and context.tool in self._tools):
             context.tool = "turn"  # else a drag over the next object would erase from its photo, say
-        self._shown = shown
+        self._shown = object_a
         tool = self._tools.get(context.tool)
         if tool is None or not tool(context, corner, size):
             self._react(context, size)

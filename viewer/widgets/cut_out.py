@@ -74,7 +74,7 @@ def _apart(corners: Sequence[ImVec2], size: ImVec2) -> list[ImVec2]:
     """Return the corners of rectangles, moved to the right where they would overlap earlier ones."""
     moved = list[ImVec2]()
     for corner in corners:
-        while any(abs(corner.x - other.x) < size.x and abs(corner.y - other.y) < size.y for other in moved):
+        while any(abs(corner.x - earlier.x) < size.x and abs(corner.y - earlier.y) < size.y for earlier in moved):
             corner += ImVec2(size.x, 0)
         moved.append(corner)
     return moved
