@@ -153,7 +153,8 @@ def _listed(name: str, values: Sequence[int]) -> str:
 def upright_size(path: Path) -> tuple[int, int]:
     """Return (width, height) in px of a file's upright image. Raises ``ValueError`` naming a file that is no image."""
     with reading(path, "an image"), open_image(path) as image:
-        return (image.height, image.width) if _orientation(image) in _TRANSPOSED else image.size
+        is_lying = image.format != "TIFF" and _orientation(image) in _TRANSPOSED  # Pillow turns a TIFF itself
+        return (image.height, image.width) if is_lying else image.size
 
 
 def _orientation(image: Image.Image) -> int:

@@ -150,3 +150,13 @@ def test_grey_of_any_depth_in_16_bits_has_the_same_brightness(bits: int, tmp_pat
     expected = np.asarray(drawing().convert("L"))
     Image.fromarray(np.round(expected / 255 * (2**bits - 1)).astype(np.uint16)).save(tmp_path / "a.png")
     np.testing.assert_allclose(np.asarray(read_rgba(tmp_path / "a.png").convert("L")), expected, atol=1)
+
+
+@pytest.mark.parametrize("suffix", [".tiff", ".jpg", ".png", ".webp"])
+@pytest.mark.parametrize("orientation", [1, 3, 6, 8])
+def test_the_upright_size_is_that_of_the_image_as_read(tmp_path: Path, suffix: str, orientation: int) -> None:
+    exif = Image.Exif()
+    exif[ExifTags.Base.Orientation] = orientation
+    path = tmp_path / f"turned{suffix}"
+    Image.new("RGB", (30, 20), "red").save(path, exif=exif)
+    assert upright_size(path) == read_rgba(path).size
