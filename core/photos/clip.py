@@ -62,8 +62,14 @@ def read_clip(path: Path, count: int = FRAMES) -> Generator[float, None, tuple[C
     """
     if not 1 <= count <= MAX_FRAMES:
         raise ValueError(f"a video gives 1 to {MAX_FRAMES} frames, not {count}")
-    with reading(path, "a video"):
-        return (yield from _read(path, count))
+    stream = _read(path, count)
+    while True:
+        with reading(path, "a video"):  # not around the yield: it would be on for whoever asks
+            try:
+                fraction = next(stream)
+            except StopIteration as done:
+                return done.value
+        yield fraction
 
 
 def _read(path: Path, count: int) -> Generator[float, None, tuple[ClipFrame, ...]]:

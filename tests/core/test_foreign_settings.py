@@ -217,15 +217,15 @@ def test_grabcut_leaves_the_random_numbers_of_opencv() -> None:
     def drawn() -> Tensor:
         return torch.from_numpy(cv2.randu(np.zeros(8, np.uint8), 0, 255))
 
-    colours = np.random.default_rng(0).random((40, 40, 3))
+    image = Image.fromarray(np.random.default_rng(0).integers(0, 256, (40, 40, 3), np.uint8))
     labels = np.full((40, 40), cv2.GC_BGD, np.uint8)
     labels[10:30, 10:30] = cv2.GC_PR_FGD
     cv2.setRNGSeed(5)
     expected = drawn()
     cv2.setRNGSeed(5)
-    first = grabcut(colours, labels, (0, 0, 40, 40))
+    first = grabcut(image, labels, (0, 0, 40, 40))
     assert torch.equal(drawn(), expected)
-    assert np.array_equal(grabcut(colours, labels, (0, 0, 40, 40)), first)
+    assert np.array_equal(grabcut(image, labels, (0, 0, 40, 40)), first)
 
 
 def test_objects_of_a_shipped_model_travel_without_it_and_are_equal_elsewhere(tmp_path: Path) -> None:

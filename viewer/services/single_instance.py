@@ -43,8 +43,8 @@ class SingleInstance:
         for path in () if self._ends else sorted(self._folder.glob("[!.]*.json")):
             text = path.read_text()
             path.unlink()
-            with suppress(ValueError, TypeError):  # another program's file
-                yield Start(**json.loads(text))
+            if start := _start(text):
+                yield start
 
     def end(self) -> None:
         """Accept no more second starts: they wait and open their own window after :meth:`close`."""
@@ -54,6 +54,13 @@ class SingleInstance:
         """Release the display for the next window."""
         self.end()
         self._lock.release()
+
+
+def _start(text: str) -> Start | None:
+    """Parse a second start; None for another program's file."""
+    with suppress(ValueError, TypeError):
+        return Start(**json.loads(text))
+    return None
 
 
 def begin(folder: Path, start: Start, display: str | None = None) -> SingleInstance | None:
