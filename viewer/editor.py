@@ -298,7 +298,7 @@ class Editor:
         camera: Camera | None = None,
         is_a: bool | None = None,
     ) -> None:
-        """Replace the object, and what is given with it; ``is_a`` is that of :class:`State`."""
+        """Add a step of undo: the object, and the mix, camera and :attr:`State.is_a` that are given."""
         scene = Scene(instance, camera or self.scene.camera)
         is_a = self.state.is_a if is_a is None else is_a
         self._go(self.history.changed(replace(self.state, scene=scene, mix=mix or self.state.mix, is_a=is_a), gesture))

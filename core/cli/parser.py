@@ -221,7 +221,7 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_each(command: argparse.ArgumentParser) -> None:
-    each = (
+    help_text = (
         "each image, or folder of images, shows an object of its own: fit them into the folder --out, as many at once "
         "as --threads, each in a process of about 0.7 GB; started again, fits only what is missing"
     )
@@ -231,7 +231,7 @@ def _add_each(command: argparse.ArgumentParser) -> None:
         "const": "fit_each.fit_each",
         "default": argparse.SUPPRESS,
     }
-    command.add_argument("--each", help=each, **run)
+    command.add_argument("--each", help=help_text, **run)
     cluster = "with --each: fit on this Dask cluster, which sees the same files"
     option(command, "--cluster", str, "tcp://HOST:PORT", cluster)
 

@@ -51,23 +51,23 @@ def paint(instance: Instance, request: Paint) -> Generator[None, None, Instance]
     The paint takes the place of the part's earlier one. Yields None many times. Raises ``ValueError`` for a part that
     the model does not know.
     """
-    own_paint, shown = yield from _surface(instance, request.part)
+    own_paint, mean_colour = yield from _surface(instance, request.part)
     goal = torch.tensor(request.colour)
     paints = instance.codes.of_kind(PartPaint)
-    if float((goal - shown(paints)).abs().max()) < 0.5 / 255:
+    if float((goal - mean_colour(paints)).abs().max()) < 0.5 / 255:
         return instance
     below = tuple(paint for paint in paints if paint.part != own_paint.part)[1 - PartPaint.most :]
     colour = goal
     for _ in range(_ROUNDS):
         paints = *below, replace(own_paint, colour=as_rgb(colour))
-        colour = (colour + goal - shown(paints)).clamp(0, 1)
+        colour = (colour + goal - mean_colour(paints)).clamp(0, 1)
     return instance.with_edits(PartPaint, *paints)
 
 
 def paint_colour(instance: Instance, part: str = "") -> Generator[None, None, Rgb]:
     """Return the mean colour of a part in images, sRGB 0..1; yields None many times."""
-    _, shown = yield from _surface(instance, part)
-    return as_rgb(shown(instance.codes.of_kind(PartPaint)))
+    _, mean_colour = yield from _surface(instance, part)
+    return as_rgb(mean_colour(instance.codes.of_kind(PartPaint)))
 
 
 def paint_parts(model: Model) -> tuple[str, ...]:

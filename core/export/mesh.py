@@ -165,7 +165,7 @@ def _check(path: Path, pixels: int, instance: Instance, variants: Mapping[str, I
 def _placement(
     instance: Instance, vertices: Float[np.ndarray, "vertices 3"], metres: float | None
 ) -> tuple[Float[np.ndarray, "3"], float | Float[np.ndarray, "3"]]:
-    """Return the origin of a file in the object's space, and its units in a scene unit, by axis if it is sized.
+    """Return the origin of a file in the object's space, and its units in a scene unit, for each axis if sized.
 
     The object stands on the ground, ``metres`` long; None: as large as it was sized, without a size as it is.
     """

@@ -174,8 +174,8 @@ class GrowingSearch(SetSearch):
         singles = list[SingleFit]()
         for view in self.job.added:
             if camera := self.job.photos[view].camera:
-                known = replace(self.job.resume_from, cameras=(camera,), crop_transform=torch.zeros(1, 4))
-                cameras[view,] = self._resume([view], known)
+                hypothesis = replace(self.job.resume_from, cameras=(camera,), crop_transform=torch.zeros(1, 4))
+                cameras[view,] = self._resume([view], hypothesis)
                 continue
             alone = self._of_views((view,), self.generator)
             single = SingleFit((view,), alone, alone.rank(), SearchResult(resumed))

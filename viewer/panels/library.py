@@ -79,8 +79,8 @@ class LibraryPanel(Panel):
         self._waiting = len(waiting)
         objects = session.editor.objects
         families = objects.families
-        own = [name for name in objects.own if self._filter in (_ALL, _MINE, objects[name].instance.fingerprint)]
-        mine: list[Tile] = [*waiting, *own]
+        listed_own = [name for name in objects.own if self._filter in (_ALL, _MINE, objects[name].instance.fingerprint)]
+        mine: list[Tile] = [*waiting, *listed_own]
         groups = {"Mine": mine} if mine or self._filter in (_ALL, _MINE) else dict[str, list[Tile]]()
         groups |= {
             name: [*self._listed(families[model])] for model, name in names.items() if self._filter in (_ALL, model)

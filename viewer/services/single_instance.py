@@ -72,10 +72,10 @@ def begin(folder: Path, start: Start, display: str | None = None) -> SingleInsta
 
     Raises ``TimeoutError`` if an open window does not take the start within a minute.
     """
-    own = folder / f"window-{display_name() if display is None else display}"
-    own.mkdir(parents=True, exist_ok=True)
-    lock = FileLock(own / "lock")
-    wish = own / f"{secrets.token_hex(8)}.json"
+    window_folder = folder / f"window-{display_name() if display is None else display}"
+    window_folder.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(window_folder / "lock")
+    wish = window_folder / f"{secrets.token_hex(8)}.json"
     until = time.monotonic() + _PATIENCE
     write_json(wish, start._asdict())
     try:
@@ -83,7 +83,7 @@ def begin(folder: Path, start: Start, display: str | None = None) -> SingleInsta
             if not wish.exists():  # checked first, as the window that took it may have ended
                 return None
             if _is_free(lock):
-                return SingleInstance(own, lock)
+                return SingleInstance(window_folder, lock)
             time.sleep(_POLL)
     finally:
         wish.unlink(missing_ok=True)

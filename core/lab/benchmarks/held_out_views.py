@@ -129,9 +129,9 @@ def is_symmetric_view(instance: Instance, fitted: Camera, truth: Camera) -> bool
     A round stool has several right cameras; the one that rendered its image is no better than the others.
     """
     lift = -_SYMMETRY_TOLERANCE if truth.elevation > 0 else _SYMMETRY_TOLERANCE
-    beside = replace(truth, azimuth=truth.azimuth + _SYMMETRY_TOLERANCE)
-    above = replace(truth, elevation=truth.elevation + lift)
-    true_image, *images = (render_on_white(instance, camera)[0] for camera in (truth, fitted, beside, above))
+    turned = replace(truth, azimuth=truth.azimuth + _SYMMETRY_TOLERANCE)
+    lifted = replace(truth, elevation=truth.elevation + lift)
+    true_image, *images = (render_on_white(instance, camera)[0] for camera in (truth, fitted, turned, lifted))
     fitted_psnr, *turned_psnrs = (psnr(image, true_image) for image in images)
     return fitted_psnr >= min(turned_psnrs)
 

@@ -52,8 +52,8 @@ def draw_failure(datasets: tuple[Path, ...], trials: pd.DataFrame, out: Path) ->
         instance = last.instance.with_detail(None)
         index = view.order[-1]
         fitted = [_resized(to_bytes(photos[0].pixels)), _image(instance, last.cameras[0])]
-        other = [_resized(view.views.images[index]), _image(instance, view.views.cameras[index])]
-        rows.append(fitted + other)
+        second_view = [_resized(view.views.images[index]), _image(instance, view.views.cameras[index])]
+        rows.append(fitted + second_view)
     if rows:
         Image.fromarray(_grid(rows)).save(out / FAILURE)
 

@@ -1,4 +1,4 @@
-"""Views held out of training, and the PSNR of a model on them after steps and seconds, in a file and a chart."""
+"""Views held out of training, and a model's PSNR on them during training, in a file and a chart."""
 
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace

@@ -291,9 +291,9 @@ class Trainer:
 
     def _is_pruning_due(self) -> bool:
         """Return True at the step that reaches a fraction of the schedule at which hulls are pruned."""
-        before = (self.step - 1) / self.settings.steps
-        now = self.step / self.settings.steps
-        reached = any(before < fraction <= now for fraction in _PRUNE_AT)
+        previous = (self.step - 1) / self.settings.steps
+        fraction_done = self.step / self.settings.steps
+        reached = any(previous < fraction <= fraction_done for fraction in _PRUNE_AT)
         return reached and self.step >= _PRUNE_AFTER and not self.settings.whole_image
 
     def _parameters(self) -> list[Tensor]:
